@@ -9,7 +9,7 @@ PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip ins
 # Every command that a test runs would compile Pliant anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo app-demo test test-all fuzz soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-files bench-install study-shape study-gripper docs freeze clean
+.PHONY: demo app-demo test test-all fuzz metamorphic soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-files bench-install study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -29,6 +29,9 @@ test-all: $(VENV)/.dev  ## every test, those marked slow too
 
 fuzz: $(VENV)/.dev  ## 50 000 damaged inputs against every reader; what breaks one is kept in tests/fuzz/finds
 	$(BIN)/python -m tests.fuzz.run --cases 50000 $(FUZZ)
+
+metamorphic: $(VENV)/.dev  ## 5 000 random studies and recordings: answers change as physics requires; every key of every example; an hour
+	PLIANT_METAMORPHIC=500 $(BIN)/python -m pytest -q tests/metamorphic
 
 soak: $(VENV)/.dev  ## an hour of sweeps, a search and diagnoses on one store, killed and starved at random; every answer is compared
 	$(BIN)/python -m benchmarks.soak

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
-from benchmarks.output import parser_of, write
+from benchmarks.output import make_parser, write
 
 from pliant_plugins.envs.baselines import BASELINES, score
 from pliant_plugins.envs.registration import register
@@ -45,7 +45,7 @@ posterior:
 
 
 def main() -> None:
-    parser_of(__doc__).parse_args()
+    make_parser(__doc__).parse_args()
     register()
     with tempfile.TemporaryDirectory() as place:
         study = Path(place) / "study.yaml"

@@ -15,7 +15,7 @@ from pliant.registry.hookspecs import hookimpl
 from pliant_plugins.physics.quasistatic.backend import Quasistatic, QuasistaticSimulation
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
-CONTRACT = 2
+CONTRACT = 3
 DELAY_S = 0.02  # of a candidate, so that kills meet evaluations
 
 
@@ -43,6 +43,6 @@ class Counted(Quasistatic):
 
 @hookimpl
 def pliant_components() -> list[Component]:
-    """The engine."""
+    """Return the engine."""
     here = (f"{__name__}:CountedConfig", f"{__name__}:Counted")
     return [Component("physics", "counted_quasistatic", *here, "statics with a log", {})]

@@ -1,4 +1,4 @@
-"""Chromium driven over a pipe by its own protocol, with nothing recorded, for figures of its memory.
+"""Chromium driven over a pipe by its own protocol, without recording, for figures of its memory.
 
 A test driver keeps every request and console line of a page in the page's own process, which grows by that. Here no
 domain is enabled: scripts are evaluated and the mouse is moved, as if a hand did it.
@@ -71,14 +71,14 @@ class DevtoolsPage:
         return found
 
     def evaluate(self, script: str) -> Any:
-        """The value of an expression, awaited."""
+        """Return the value of an expression, awaited."""
         answer = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(f"{script}: {answer['exceptionDetails']}")
         return answer["result"].get("value")
 
     def until(self, holds: str) -> None:
-        """Ask until an expression holds."""
+        """Poll until an expression is true."""
         end = time.monotonic() + LONG_S
         while not self.evaluate(f"Boolean({holds})"):
             if time.monotonic() > end:
@@ -86,12 +86,12 @@ class DevtoolsPage:
             time.sleep(POLL_S)
 
     def box(self, selector: str) -> tuple[float, float, float, float]:
-        """Left, top, width, height of an element in view, once it stands still."""
+        """Return left, top, width, height of an element in view, once its position is constant."""
         left, top, width, height = self.evaluate(f"({STILL})({json.dumps(selector)})")
         return left, top, width, height
 
     def mouse(self, kind: str, x: float, y: float, held: bool) -> None:
-        """mouseMoved, mousePressed or mouseReleased; the left button, where it is held or changes."""
+        """Send mouseMoved, mousePressed or mouseReleased; the left button, if it is held or changes."""
         clicks = int(kind != "mouseMoved")
         button = "left" if held or clicks else "none"
         self.send(
@@ -125,7 +125,7 @@ class DevtoolsPage:
         )
 
     def process(self) -> int:
-        """The process that renders the page: the largest of its kind."""
+        """Return the process that renders the page: the largest of its kind."""
         listed = self.browser("SystemInfo.getProcessInfo")["processInfo"]
         return max(
             (int(one["id"]) for one in listed if one["type"] == "renderer"),
@@ -134,7 +134,7 @@ class DevtoolsPage:
 
 
 def resident_mb(process: int) -> tuple[float, float]:
-    """Resident memory of a process, whole and without mapped files, MB."""
+    """Return resident memory of a process, whole and without mapped files, MB."""
     lines = (line.split() for line in Path(f"/proc/{process}/status").read_text().splitlines())
     kb = {words[0]: float(words[1]) for words in lines if words[0] in ("VmRSS:", "RssAnon:")}
     return round(kb["VmRSS:"] / 1e3, 2), round(kb["RssAnon:"] / 1e3, 2)
@@ -142,7 +142,7 @@ def resident_mb(process: int) -> tuple[float, float]:
 
 @contextmanager
 def browsing(chromium: str, folder: Path, address: str, flags: Sequence[str] = ()) -> Iterator[DevtoolsPage]:
-    """A page at an address in a browser of its own, whose profile lies in a folder."""
+    """Open a page at an address in a separate browser whose profile is in a folder."""
     (theirs_in, into), (out, theirs_out) = os.pipe(), os.pipe()
     with Path(os.devnull).open("rb+") as null:
         child = os.posix_spawn(

@@ -1,11 +1,11 @@
-"""Three engines on the same chains: where each of them settles, how far apart, and how long it takes.
+"""Comparison of three engines on the same chains: settled states, their differences and times.
 
     python -m benchmarks.engines_agree    prints, and writes benchmarks/out/engines_agree.json
 
-A finger of eight modules of 11 mm and 1.6 g with the published law (odd form) at 15 kPa, its modules' centre of
-mass 10 mm beside the hinge line, with and without 13 g at the tip; and the published helix of 22 spherical joints
-with 0, 10, 20 and 50 g. Each is settled in one jump from the straight chain. Times are medians of CPU seconds, on
-one thread, compared as ratios to the quasi-static engine of the same run.
+A finger of eight modules of 11 mm and 1.6 g with the published law (odd form) at 15 kPa, its modules' centre of mass 10
+mm off the hinge line, with and without 13 g at the tip; and the published helix of 22 spherical joints with 0, 10, 20
+and 50 g. Each is settled in one jump from the straight chain. Times are medians of CPU seconds, on one thread, compared
+as ratios to the quasi-static engine of the same run.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def compare(chain: ChainModel, inputs: Inputs) -> dict[str, Any]:
-    """Tips, residuals, times and pairwise distances of one chain; engines not installed are skipped."""
+    """Return tips, residuals, times and pairwise distances of one chain; engines not installed are skipped."""
     ends: dict[str, Equilibrium] = {}
     skipped: dict[str, str] = {}
     table: dict[str, Any] = {}
@@ -90,7 +90,7 @@ def compare(chain: ChainModel, inputs: Inputs) -> dict[str, Any]:
 
 
 def finger(payload_kg: float) -> ChainModel:
-    """The chain; a module's mass is a 20 × 22 mm block, shared by its two halves."""
+    """Return the chain; a module's mass is a 20 × 22 mm block, shared by its two halves."""
     law = component("surrogate", "polynomial", form="study", coefficients=LAW, odd=True).stated()
 
     def piece(modules: float, centre_m: float) -> MassProperties:

@@ -18,8 +18,8 @@ import numpy as np
 from tests.app.conftest import STUDY
 from tests.app.page_user import READY, PageUser, opened
 
-from pliant.app.desk import Desk
-from pliant.app.folder import SessionFolder
+from pliant_app.desk import SessionController
+from pliant_app.folder import SessionFolder
 
 READINGS, MOVES = 3000, 60
 DROPPED_MB, BYTES_OF_READING = 10, 29
@@ -27,7 +27,7 @@ SEARCHED_MS = 4000  # a user needs longer to find files
 
 
 def recording(readings: int = READINGS) -> str:
-    """Six runs of a slow triangle; what is read does not matter here."""
+    """Return six runs of a slow triangle; the readings are arbitrary."""
     lines = ["run,time_s,pressure_pa,angle_rad"]
     for k in range(6):
         time_s = np.arange(readings // 6) * 0.1
@@ -48,7 +48,7 @@ def main() -> None:
             (folder / "bend.yaml").write_text(
                 STUDY.replace("modules: 1, module_length: 80 mm, module_mass: 40 g", length)
             )
-            desk = Desk(SessionFolder(folder / "session"), folder / "store")
+            desk = SessionController(SessionFolder(folder / "session"), folder / "store")
             desk.begin(folder / "bend.yaml", [])
             for kind in ("actuation_gain", "viscoelastic"):
                 begun = next(one["begun"] for one in desk.view()["model"]["catalogue"] if one["kind"] == kind)
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def first_screen() -> list[float]:
-    """Seconds until the pictures of a large recording stand, each time on a new server."""
+    """Return the seconds until the pictures of a large recording are drawn, each time on a new server."""
     seconds = []
     for _ in range(3):
         with tempfile.TemporaryDirectory() as text:
@@ -72,7 +72,7 @@ def first_screen() -> list[float]:
     return seconds
 
 
-def _timed(desk: Desk, folder: Path, begun: dict[str, float]) -> dict[str, float]:
+def _timed(desk: SessionController, folder: Path, begun: dict[str, float]) -> dict[str, float]:
     strength = next(key for key in begun if key != "kind")
     values = [{**begun, strength: begun[strength] * (1.0 + 0.002 * k)} for k in range(MOVES)]
     parts = desk.preview((begun,))["parts"]

@@ -1,11 +1,11 @@
 """Numbers of every example: laws, poses, metrics, verdicts, found designs, saved before a change, compared after.
 
-    python -m benchmarks.example_numbers save DIR           runs the commands below; goes on where it was
+    python -m benchmarks.example_numbers save DIR           runs the commands below; continues an interrupted call
     python -m benchmarks.example_numbers compare OLD NEW    prints what differs by more than 1e-12 of its range
 
-The range of a number is the largest magnitude in the list that holds it, or its own. Times, paths, versions and the
-store's keys are left out. What was changed on purpose since commit 13594f6 is printed with its cause (`CAUSES`). Exit
-code 1 where a number or a word differs without one.
+The range of a number is the largest magnitude in the list that contains it, or its own. Times, paths, versions and the
+store's keys are left out. Intended changes since commit 13594f6 are printed with their cause (`CAUSES`). Exit code 1
+where a number or a word differs without one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.output import parser_of
+from benchmarks.output import make_parser
 
 # A name, and the command line after `pliant`, without --json, --store and --out.
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -63,7 +63,7 @@ CLOSE = 1e-12
 # What differs from run to run, machine to machine or folder to folder.
 PASSING = {"pliant", "path", "out", "report", "csv", "data", "store", "page", "final_study", "written"}
 PASSING |= {"provenance", "key", "file"}
-WORDS = ("why", "reason", "reasons", "remarks", "condition", "interpretation")  # sentences, worded anew
+WORDS = ("why", "reason", "reasons", "remarks", "condition", "interpretation")  # sentences, reworded
 # Examples whose numbers differ from those of commit 13594f6, and the cause.
 CAUSES: tuple[tuple[tuple[str, ...], str], ...] = (
     (
@@ -134,12 +134,12 @@ def compare(old: Path, new: Path) -> int:
 
 
 def is_worded(line: str) -> bool:
-    """Whether a difference is one of sentences for people."""
+    """Return whether a difference is one of sentences for people."""
     return any(part.split("[")[0] in WORDS for part in line.partition(":")[0].split("."))
 
 
 def differences(place: str, old: Any, new: Any, scale: float) -> Iterator[str]:
-    """Where two JSON values part; keys that only the new one has are no difference."""
+    """Yield the differences of two JSON values; keys that only the new one has are no difference."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key, value in old.items():
             if key in PASSING or "wall_s" in key or key.endswith("_per_s"):
@@ -168,7 +168,7 @@ def _number(value: Any) -> bool:
 
 
 if __name__ == "__main__":
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
     saving = verbs.add_parser("save")
     saving.add_argument("folder", type=Path)

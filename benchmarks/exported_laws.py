@@ -11,12 +11,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, make_parser, write
 
-from pliant.exporting.in_c import in_c
-from pliant.exporting.written_law import written
 from pliant.records.law import JointLaw
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import sample_table, softening_law
+from pliant_export.in_c import in_c
+from pliant_export.written_law import written
 from pliant_plugins.surrogates.config import NeuralConfig, PolynomialConfig, TableConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
@@ -53,8 +53,8 @@ int main(void) {{
 
 
 def main() -> None:
-    parser_of(__doc__).parse_args()
-    states = table_of(softening_law(), noise_n_m=1e-5)
+    make_parser(__doc__).parse_args()
+    states = sample_table(softening_law(), noise_n_m=1e-5)
     laws: dict[str, JointLaw] = {
         "polynomial": Polynomial(PolynomialConfig()).fit(states).law,
         "table": TableSurrogate(TableConfig()).fit(states).law,
@@ -63,7 +63,7 @@ def main() -> None:
     results, bars = {}, []
     for name, law in laws.items():
         for where, beyond in (("inside", 0.0), ("half outside", 0.4)):
-            found = of_c(law, beyond)
+            found = measure_c(law, beyond)
             results[f"{name}, {where}"] = found
             if where == "inside" and name == "polynomial":
                 bars.append(Bar(SPEED, found["per_s"], 50e6, "M/s", at_most=False, scale=1e-6))
@@ -76,8 +76,8 @@ def main() -> None:
         )
 
 
-def of_c(law: JointLaw, beyond: float) -> dict[str, float]:
-    """Speed on one core and the largest difference of τ and its slopes, as a share of their ranges."""
+def measure_c(law: JointLaw, beyond: float) -> dict[str, float]:
+    """Return speed on one core and the largest difference of τ and its slopes, as a share of their ranges."""
     compiler = shutil.which("cc")
     if compiler is None:
         raise SystemExit("there is no C compiler 'cc' on this machine")

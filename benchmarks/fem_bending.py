@@ -16,8 +16,8 @@ import time
 from typing import Any
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
-from benchmarks.output import REFERENCE, parser_of, reference_table, write
+from benchmarks.families.published_y import make_solver
+from benchmarks.output import REFERENCE, make_parser, reference_table, write
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
@@ -31,14 +31,14 @@ PRESSURES = (500.0, 1e3, 2e3, 3e3, 4.5e3, 6e3, 8e3, 10e3, 12e3, 14e3, 16e3)
 
 
 def solver(refinement: int = 1, **options: Any) -> SkfemSolver:
-    """A solver of the reference design: r 2, R 6, t 1.5, l 11 mm."""
+    """Return a solver of the reference design: r 2, R 6, t 1.5, l 11 mm."""
     lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
-    return solver_of(family.problem(refinement), MU, **{"pressure_max_pa": 16e3, **options})
+    return make_solver(family.problem(refinement), MU, **{"pressure_max_pa": 16e3, **options})
 
 
 def free_branch(model: SkfemSolver, pressures: tuple[float, ...] = PRESSURES) -> list[FemState]:
-    """Free states at rising pressure, rest first."""
+    """Return free states at rising pressure, rest first."""
     states = [model.rest()]
     for pressure in pressures:
         states.append(model.free(pressure, states[-1]))
@@ -46,12 +46,12 @@ def free_branch(model: SkfemSolver, pressures: tuple[float, ...] = PRESSURES) ->
 
 
 def spline(states: list[FemState]) -> CubicSpline:
-    """Half-module angle against p/μ, on which alone it depends."""
+    """Return the half-module angle against p/μ, on which alone it depends."""
     return CubicSpline([s.actuation / MU for s in states], [s.angle_rad / 2 for s in states])
 
 
 def fit_modulus(states: list[FemState], pressure: np.ndarray, published: np.ndarray) -> dict[str, float]:
-    """The modulus with the least RMS error of the half angle, relative to the RMS angle."""
+    """Return the modulus with the least RMS error of the half angle, relative to the RMS angle."""
     curve = spline(states)
 
     def relative(mu: float) -> np.ndarray:
@@ -65,7 +65,7 @@ def fit_modulus(states: list[FemState], pressure: np.ndarray, published: np.ndar
 
 
 def published_curve() -> tuple[np.ndarray, np.ndarray]:
-    """Pressures (Pa) and half angles (rad) of the published free branch."""
+    """Return pressures (Pa) and half angles (rad) of the published free branch."""
     table = reference_table("bellow_bending_fem.csv")
     if table is None:
         sys.exit(f"fem_bending: the reference data are absent: {REFERENCE} (see docs: reference study)")
@@ -74,7 +74,7 @@ def published_curve() -> tuple[np.ndarray, np.ndarray]:
 
 
 def slope_errors(model: SkfemSolver, free: FemState) -> dict[str, float]:
-    """Relative error of dτ/dp and dτ/du at a free and a held state, against fourth-order differences."""
+    """Return relative error of dτ/dp and dτ/du at a free and a held state, against fourth-order differences."""
     found: dict[str, float] = {}
     for name, angle in (("free", free.angle_rad), ("held", 0.6 * free.angle_rad)):
         here = model.constrained(free.actuation, angle, free)
@@ -91,7 +91,7 @@ def slope_errors(model: SkfemSolver, free: FemState) -> dict[str, float]:
 
 
 def refinement_table(finest: int) -> list[dict[str, Any]]:
-    """Free half angle at 1, 5 and 15 kPa by mesh and by how the cells treat dilatation."""
+    """Return the free half angle at 1, 5 and 15 kPa by mesh and by the cells' dilatation method."""
     rows = []
     for dilatation in ("cell", "point"):
         for refinement in range(1, finest + 1):
@@ -107,7 +107,7 @@ def refinement_table(finest: int) -> list[dict[str, Any]]:
 
 
 def timing(repeats: int) -> dict[str, Any]:
-    """Median seconds per free state (16 kPa in 11 steps), by linear solver, in turns."""
+    """Return median seconds per free state (16 kPa in 11 steps), by linear solver, in turns."""
     times: dict[str, list[float]] = {}
     for _ in range(repeats):
         for kind in ("pardiso", "superlu"):
@@ -122,7 +122,7 @@ def timing(repeats: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--finest", type=int, default=2, help="largest mesh refinement (3 takes minutes)")
     parser.add_argument("--repeats", type=int, default=2)
     options = parser.parse_args()

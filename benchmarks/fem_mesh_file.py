@@ -22,16 +22,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
+from benchmarks.families.published_y import make_solver
 from benchmarks.families.second_solver import cases, rubber
-from benchmarks.output import parser_of, write
+from benchmarks.output import make_parser, write
 
 from pliant.interfaces.family import ActuatorFamily
+from pliant.meshing.meshio_package import require_meshio
 from pliant.pipeline.dataset import fem_stage
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant.registry.discovery import discover
-from pliant.report.vtu import require_meshio
 from pliant.store.store import ArtifactStore
 from pliant.testing.box import tetrahedral
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
@@ -54,18 +54,18 @@ SECONDS = 60.0  # of a design
 
 
 def bellow() -> BellowBending:
-    """The reference design."""
+    """Return the reference design."""
     return BellowBending(BellowBendingConfig.model_validate(LENGTHS_M))
 
 
 def solved(family: ActuatorFamily, refinement: int = 1) -> dict[str, float]:
-    """Free angle, torque held straight, slope at rest, size, and seconds of processor time a state."""
-    model = solver_of(family.problem(refinement), MU, pressure_max_pa=PRESSURES_PA[-1])
+    """Return free angle, torque at zero angle, slope at rest, size, and processor seconds per state."""
+    model = make_solver(family.problem(refinement), MU, pressure_max_pa=PRESSURES_PA[-1])
     return walked(model, PRESSURES_PA)
 
 
 def walked(model: SkfemSolver, pressures_pa: Sequence[float]) -> dict[str, float]:
-    """The same of any module, over its free branch."""
+    """Return the same figures of any module, over its free branch."""
     begun = time.process_time()
     states = [model.rest()]
     for pressure in pressures_pa:
@@ -82,8 +82,8 @@ def walked(model: SkfemSolver, pressures_pa: Sequence[float]) -> dict[str, float
 
 
 def cut(family: BellowBending, path: Path) -> Path:
-    """The hexahedra of refinement 1, each as six tetrahedra, in a file in metres."""
-    mesh, counts = family.problem().mesh, BendingCounts.of(family.geometry, 1)
+    """Write the hexahedra of refinement 1, each as six tetrahedra, to a file in metres."""
+    mesh, counts = family.problem().mesh, BendingCounts.from_geometry(family.geometry, 1)
     along = counts.foot_x + counts.shoulder + counts.flank + counts.trough
     wall = along * (counts.foot_y + counts.around) * counts.wall
     cells = mesh.cells.copy()
@@ -97,7 +97,7 @@ def cut(family: BellowBending, path: Path) -> Path:
 
 
 def _written(nodes: np.ndarray, cells: IntArray, mesh: ModuleMesh, path: Path) -> Path:
-    """With the surfaces of the mesh that was filled, as node sets of its planes and of its cavity."""
+    """Write the mesh with the surfaces as node sets of its planes and of its cavity."""
     meshio = require_meshio()
     span, near = float(mesh.nodes_m[:, 0].max()), 1e-9
     wetted = {tuple(np.round(p, 12)) for p in mesh.nodes_m[np.unique(mesh.cavity)].tolist()}
@@ -113,7 +113,7 @@ def _written(nodes: np.ndarray, cells: IntArray, mesh: ModuleMesh, path: Path) -
 
 
 def cad_solid() -> Any:
-    """Half the module, y ≥ 0, as an OCC solid with named faces, in mm: the wall revolved, the plate fused to it."""
+    """Return half the module, y ≥ 0, as an OCC solid with named faces, in mm: revolved wall and fused plate."""
     torch_first()
     from netgen.occ import ArcOfCircle, Axis, Box, Face, Pnt, Segment, Wire, X
 
@@ -162,8 +162,8 @@ def cad_solid() -> Any:
 def design_seconds(
     path: Path, folder: Path, mu_pa: float = MU, pressure_pa: float = 15e3
 ) -> dict[str, float]:
-    """Processor and wall time of the FEM stage of one design of one material; printed too."""
-    bench = Workbench(discover(), ArtifactStore(folder / "store"))
+    """Return wall and processor time of the FEM stage of one design of one material; print them too."""
+    bench = RunContext(discover(), ArtifactStore(folder / "store"))
     family = from_file(path, "mm").config
     wall, processor = time.perf_counter(), time.process_time()
     made = fem_stage(
@@ -183,7 +183,7 @@ def design_seconds(
 
 
 def from_file(path: Path, unit: str = "m", **more: Any) -> MeshFile:
-    """The family that reads a file of half the module, half its width."""
+    """Return the family that reads a file of half the module, half its width."""
     return MeshFile(MeshFileConfig.model_validate({"file": path, "unit": unit, **FILE, **more}))
 
 
@@ -199,7 +199,7 @@ def row(name: str, found: dict[str, float], base: dict[str, float]) -> dict[str,
 
 
 def chamber_solid(family: Pneunet) -> Any:
-    """A quarter of the chamber as OCC solids `body` and `layer` that share a face, in mm."""
+    """Return a quarter of the chamber as OCC solids `body` and `layer` that share a face, in mm."""
     torch_first()
     from netgen.occ import Box, Glue, Pnt
 
@@ -217,7 +217,7 @@ def chamber_solid(family: Pneunet) -> Any:
 
 
 def chamber_surface(family: Pneunet, points: np.ndarray) -> str | None:
-    """The name of a face of `chamber_solid` from points on it."""
+    """Return the name of a face of `chamber_solid` from points on it."""
     (_, _, _, end), (_, channel, side, _), (_, _, floor, _, _, top, _) = _lines(family)
     (x0, _, z0), (x1, y1, z1) = 1e-3 * points.min(axis=0), 1e-3 * points.max(axis=0)
     near, wall = 1e-9, family.geometry.x_lines[1]
@@ -232,7 +232,7 @@ def _lines(family: Pneunet) -> tuple[tuple[float, ...], ...]:
 
 
 def pneunet(refinements: list[int], inner: list[float], folder: Path) -> list[dict[str, Any]]:
-    """(d): rows of both, tetrahedra of the refinements, and of the CAD solid with edges in mm at inner edges."""
+    """Run part (d): both, tetrahedra of the refinements, and the CAD solid with edges in mm at inner edges."""
     case, rows = cases()["pneunet"], []
     for regions in ({}, case.regions):
         material = rubber(case.modulus).with_regions({name: rubber(mu) for name, mu in regions.items()})
@@ -264,7 +264,7 @@ def pneunet(refinements: list[int], inner: list[float], folder: Path) -> list[di
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--cad", type=float, nargs="*", default=[2.0, 1.0], help="(b): largest edges in mm")
     parser.add_argument(
         "--pneunet", type=int, nargs="*", default=[1, 2], help="(d): refinements cut into tetrahedra"

@@ -1,10 +1,10 @@
-"""The size and shape of the tree: what a reader has to hold.
+"""Size and structure of the source tree.
 
     python -m benchmarks.house             lines and statements, modules with one importer, names of classes, circles
     python -m benchmarks.house --list      the same, each module with one importer by its name
     python -m benchmarks.house --circles   circles of imports only; exit code 1 where there is one (`make imports`)
 
-An import counts wherever it stands: inside functions and under `TYPE_CHECKING` too. A room is a folder of
+All imports count, also those inside functions and under `TYPE_CHECKING`. A room is a folder of
 `core/pliant`, `plugins/pliant_plugins` or `benchmarks` with its sub-folders.
 """
 
@@ -33,7 +33,7 @@ class Module:
 
 
 def modules(root: Path = ROOT) -> dict[str, Module]:
-    """Every module of core, plugins and benchmarks by its dotted name."""
+    """Return every module of core, plugins and benchmarks by its dotted name."""
     found = {}
     for folder, base in SOURCES.items():
         for file in sorted((root / folder).rglob("*.py")):
@@ -47,7 +47,7 @@ def modules(root: Path = ROOT) -> dict[str, Module]:
 
 
 def imports(module: Module, known: Mapping[str, Module]) -> set[str]:
-    """Names of the modules of this tree that a module imports."""
+    """Return names of the modules of this tree that a module imports."""
     found: set[str] = set()
     for node in ast.walk(module.tree):
         if isinstance(node, ast.Import):
@@ -68,7 +68,7 @@ def imports(module: Module, known: Mapping[str, Module]) -> set[str]:
 
 
 def one_importer(graph: Mapping[str, set[str]], known: Mapping[str, Module]) -> list[tuple[str, str]]:
-    """Modules that a single module imports, and that one stands in their own room; with the importer."""
+    """Return modules with a single importer, which is in the same package, with the importer."""
     importers = defaultdict(set)
     for name, targets in graph.items():
         for target in targets:
@@ -80,7 +80,7 @@ def one_importer(graph: Mapping[str, set[str]], known: Mapping[str, Module]) -> 
 
 
 def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
-    """Groups of modules that import each other, directly or by others (Tarjan 1972)."""
+    """Return groups of modules that import each other, directly or indirectly (Tarjan 1972)."""
     index: dict[str, int] = {}
     low: dict[str, int] = {}
     stack: list[str] = []
@@ -109,7 +109,7 @@ def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
 
 
 def class_names(known: Mapping[str, Module], public: bool = False) -> dict[str, list[str]]:
-    """Names of classes at module level that stand more than once, with their modules."""
+    """Return names of classes at module level that occur more than once, with their modules."""
     places = defaultdict(list)
     for name, module in known.items():
         for node in module.tree.body:
@@ -119,7 +119,7 @@ def class_names(known: Mapping[str, Module], public: bool = False) -> dict[str, 
 
 
 def size(folder: Path) -> tuple[int, int, int]:
-    """Files, lines and statements of a folder's Python; docstrings are no statements."""
+    """Count files, lines and statements of a folder's Python; docstrings are no statements."""
     files = lines = statements = 0
     for file in folder.rglob("*.py"):
         text = file.read_text(encoding="utf-8")

@@ -21,7 +21,7 @@ import venv
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.output import ROOT, Bar, parser_of, write
+from benchmarks.output import ROOT, Bar, make_parser, write
 
 CONSTRAINTS = ROOT / "constraints.txt"
 TURNS = 5
@@ -35,7 +35,7 @@ physics: quasistatic
 task: {kind: free_bending, pressure: 15 kPa}
 measurements: {file: bench.csv}
 """
-# How a table of bellow.csv is to be read, as `pliant fit` asks for it.
+# Notes on the table bellow.csv that `pliant fit` requires.
 NOTES = """\
 rename: {"p (kPa)": pressure_pa, "theta (deg)": angle_rad, "M (N*mm)": moment_n_m}
 angle: half_module
@@ -53,7 +53,7 @@ WORKS = {
     "plugins": ("plugins",),
     "new-plugin": ("new-plugin", "my-effect"),
 }
-# What needs an extra → the command that its sentence holds.
+# Feature that needs an extra → the command that its message must contain.
 REFUSED = {
     ("simulate", "law.yaml", "physics=mujoco"): "pip install 'pliant[mujoco]'",
     ("render", "law.yaml", "--out", "film.gif"): "pip install 'pliant[mujoco]'",
@@ -63,7 +63,7 @@ REFUSED = {
 
 
 class Environment:
-    """A fresh environment in a folder, and what runs in it: nothing of ours is seen there, no variable, no path."""
+    """A fresh environment in a folder for programs without our variables and paths."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "environment"
@@ -73,7 +73,7 @@ class Environment:
         self.programs = self.folder / ("Scripts" if os.name == "nt" else "bin")
 
     def pip(self, *arguments: str) -> str:
-        """Pip's output, under the constraints; its own settings are those of this machine."""
+        """Return pip's output under the constraints, with this machine's settings."""
         return checked(
             [str(self.programs / "python"), "-m", "pip", *arguments],
             {**os.environ, "PIP_CONSTRAINT": str(CONSTRAINTS)},
@@ -81,7 +81,7 @@ class Environment:
         )
 
     def call(self, program: str, *arguments: str) -> tuple[subprocess.CompletedProcess[str], float]:
-        """A program of the environment under no variables but HOME, and its seconds."""
+        """Run a program of the environment with HOME as the only variable; return its output and seconds."""
         begun = time.perf_counter()
         done = subprocess.run(
             [str(self.programs / program), *arguments],
@@ -94,29 +94,29 @@ class Environment:
         return done, time.perf_counter() - begun
 
     def seconds(self, statement: str) -> float:
-        """The smallest time that an interpreter needs for a statement; byte code is there as pip left it."""
+        """Return the smallest time of an interpreter for a statement, with the byte code from pip."""
         return min(self.call("python", "-c", statement)[1] for _ in range(TURNS))
 
     def size(self) -> int:
-        """Bytes of its files."""
-        return size_of(self.folder)
+        """Return the bytes of its files."""
+        return folder_bytes(self.folder)
 
 
 def checked(command: Sequence[str], environment: dict[str, str], folder: Path) -> str:
-    """Standard output; raises `SystemExit` where the command fails."""
+    """Return standard output; raise `SystemExit` if the command fails."""
     done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
     return done.stdout
 
 
-def size_of(folder: Path) -> int:
-    """Bytes of the files below a folder."""
+def folder_bytes(folder: Path) -> int:
+    """Return bytes of the files below a folder."""
     return sum(path.lstat().st_size for path in folder.rglob("*") if not path.is_dir())
 
 
 def built(folder: Path) -> tuple[Path, Path]:
-    """The sdist, and the wheel made of it."""
+    """Build the sdist and a wheel from it."""
     build = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
     checked([*build, "--target", "sdist"], dict(os.environ), ROOT)
     sdist = next(folder.glob("*.tar.gz"))
@@ -127,7 +127,7 @@ def built(folder: Path) -> tuple[Path, Path]:
 
 
 def write_bench(folder: Path) -> None:
-    """A stated law, a recording of four short runs that it misses by a fifth, and notes on a solver's table."""
+    """Write a stated law, a recording of four short runs with an error of a fifth, and notes on a table."""
     (folder / "law.yaml").write_text(LAW, encoding="utf-8")
     rows = ["run,time_s,pressure_pa,angle_rad"]
     for run, wobble in (("a", 0.004), ("b", -0.004), ("c", 0.003), ("d", -0.003)):
@@ -138,7 +138,7 @@ def write_bench(folder: Path) -> None:
 
 
 def tried(environment: Environment) -> tuple[dict[str, float], list[str]]:
-    """Seconds of what works without an extra, and what is not as it should be."""
+    """Return the seconds of commands that work without an extra, and deviations from the expected results."""
     write_bench(environment.home)
     times, wrong = {}, []
     for name, arguments in WORKS.items():
@@ -159,13 +159,13 @@ def tried(environment: Environment) -> tuple[dict[str, float], list[str]]:
 
 
 def extras() -> list[str]:
-    """Names of the extras, as pyproject.toml has them."""
+    """Return the names of the extras in pyproject.toml."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     return list(project["optional-dependencies"])
 
 
 def resolved(environment: Environment, wheel: Path) -> dict[str, list[str]]:
-    """Extra → what pip would install for it in this environment."""
+    """Return extra → the packages that pip would install for it in this environment."""
     found = {}
     for extra in extras():
         said = environment.pip("install", "--dry-run", "--quiet", "--report", "-", f"{wheel}[{extra}]")
@@ -176,7 +176,7 @@ def resolved(environment: Environment, wheel: Path) -> dict[str, list[str]]:
 
 def main() -> None:
     """Print the figures and write benchmarks/out/install.json; exit code 1 where something does not work."""
-    quick = parser_of(__doc__, "leave the extras out").parse_args().quick
+    quick = make_parser(__doc__, "leave the extras out").parse_args().quick
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (dist := folder / "dist").mkdir()
@@ -188,7 +188,7 @@ def main() -> None:
         sizes = {
             "sdist": sdist.stat().st_size,
             "wheel": wheel.stat().st_size,
-            "download": size_of(wheels),
+            "download": folder_bytes(wheels),
             "environment": environment.size(),
         }
         for what, size in sizes.items():

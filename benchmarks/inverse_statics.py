@@ -1,4 +1,4 @@
-"""Inverse statics: how many random reachable poses are found, how fast, along a path, and what is out of reach.
+"""Inverse statics: success rate and time for random reachable poses, along a path, and for unreachable ones.
 
 python -m benchmarks.inverse_statics        prints, and writes benchmarks/out/inverse_statics.json
 
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.output import Bar, engine, parser_of, write
+from benchmarks.output import Bar, engine, make_parser, write
 
 from pliant.config.chain import ChainConfig
 from pliant.inverse.statics import InverseStatics
@@ -24,8 +24,8 @@ from pliant.records.law import Domain
 from pliant.records.rollout import Inputs
 from pliant.testing.samples import sample_chain
 from pliant_plugins.surrogates.config import StudyCoefficients
+from pliant_plugins.surrogates.polynomial.law import study_law
 from pliant_plugins.surrogates.polynomial.several_law import SeveralLaw
-from pliant_plugins.surrogates.polynomial.study import study_law
 
 POSES, OUT_OF_REACH, PATH, SEED = 500, 100, 1000, 0
 WORKED = StudyCoefficients(k_n=1.637e-6, m_a=-1.704e-6, b_a=0.0, m_e=0.1012, b_e=0.0245)
@@ -34,7 +34,7 @@ BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.6, 0.7]]))
 
 @dataclass(frozen=True)
 class Robot:
-    """A chain, what a target asks of it, and the bar of the median time."""
+    """A chain, its kind of target, and the bar of the median time."""
 
     chain: ChainModel
     asks: Callable[[Array, Array], Target]  # markers (n + 2, 3), attitude of the tip
@@ -42,13 +42,13 @@ class Robot:
 
 
 def finger() -> Robot:
-    """Eight bending modules with 5 g at their tip; where the tip shall be."""
+    """Return eight bending modules with 5 g at their tip, and the target of the tip."""
     chain = sample_chain(study_law(WORKED, True, BOX), modules=8, payload=0.005)
     return Robot(chain, lambda markers, turn: Target(tip_m=markers[-1]), 0.3e-3)
 
 
 def two_segments() -> Robot:
-    """Two segments of five ball joints with three pressures each, all at once in one law; where the tip shall be."""
+    """Return two segments of five ball joints with three pressures each in one law, and the target of the tip."""
     segments = []
     for number in range(2):
         own = tuple(Actuator(f"pressure_{3 * number + k}_pa") for k in (1, 2, 3))
@@ -61,7 +61,7 @@ def two_segments() -> Robot:
 
 
 def three_chambers() -> SeveralLaw:
-    """Chambers at 0, 120 and 240 degrees, each with a push that its pressure makes softer; STATED numbers.
+    """Return a law of chambers at 0, 120 and 240 degrees that soften with pressure; STATED numbers.
 
     With unit pressures x, p = 7.5 kPa (1 + x), and unit angles v, u = 0.6 v: stiffness 0.02 N·m/rad, twist 0.05, of
     fourth order 0.03, push 6e-7 N·m/Pa, softening 1e-7 N·m/(Pa·rad).
@@ -88,7 +88,7 @@ def three_chambers() -> SeveralLaw:
 
 
 def main() -> None:
-    parser_of(__doc__).parse_args()
+    make_parser(__doc__).parse_args()
     results, bars = {}, []
     for name, robot in {"bending finger": finger(), "two segments, six pressures": two_segments()}.items():
         found, own = measured(name, robot)
@@ -98,7 +98,7 @@ def main() -> None:
 
 
 def measured(name: str, robot: Robot) -> tuple[dict[str, float], list[Bar]]:
-    """The figures of one robot."""
+    """Return the figures of one robot."""
     random = np.random.default_rng(SEED)
     simulation = engine("quasistatic").build(robot.chain)
     inverse = InverseStatics(simulation)

@@ -1,17 +1,17 @@
 """Searches and diagnoses killed at random moments: python -m benchmarks.kill_searches [--searches 100] [--diagnoses 50]
 
-As `benchmarks.families.kill` does with sweeps: the command runs in two worker processes, kill -9 takes the whole
-process group at a moment drawn by seed (one in five while it starts, the others while it evaluates), the same command
-runs again; where it is complete before all kills are spent, an empty store begins the next round. Counted of a search,
-whose engine here writes a line for each candidate that it loads:
+As in `benchmarks.families.kill` for sweeps: the command runs in two worker processes, kill -9 ends the whole process
+group at a time drawn by seed (one in five during its start, the others while it evaluates), the same command runs
+again; if it is complete before all kills are made, the next round starts with an empty store. Counted for a search,
+whose engine in this module writes a line for each candidate that it loads:
 
-- saved: what the journal in the store holds when the kill has come;
-- evaluated twice: a saved candidate that was loaded again. There must be none; of a generation that was open, some
-  may be, and are counted apart, and so are the looks at the winner, which each call that ends simulates anew
+- saved: entries of the journal in the store after the kill;
+- evaluated twice: a saved candidate that was loaded again. There must be none; candidates of an incomplete generation
+  may be, and are counted separately, and so are evaluations of the winner, which each call that ends simulates again
   for its report;
 - another answer: a round whose result differs from the undisturbed one in any number. There must be none.
 
-A diagnosis keeps nothing on its way, so that only its answers and its store are looked at. Prints the figures and
+A diagnosis stores no intermediate results, so that only its answers and its store are checked. Prints the figures and
 writes them to benchmarks/out/kill_searches.json.
 """
 
@@ -32,12 +32,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.output import ROOT, parser_of, write
+from benchmarks.output import ROOT, make_parser, write
 from benchmarks.soak import differences
 from benchmarks.solved_log import candidate, noted
 from tests.cli.search_study import STUDY
 
-from pliant.search.run.journal import Journal
+from pliant_search.run.journal import Journal
 
 SEARCH = STUDY.replace("physics: quasistatic", "physics: counted_quasistatic").replace(
     "name: toy\n", f"name: killed-search\nplugins: ['{ROOT}/benchmarks/counted_engine.py']\n"
@@ -49,7 +49,7 @@ STARTING = 0.2  # share of the kills of a search that come before its first cand
 
 @dataclass
 class Count:
-    """What the kills did."""
+    """The effect of the kills."""
 
     kills: int = 0
     rounds: int = 0
@@ -65,7 +65,7 @@ class Count:
 
     @property
     def sound(self) -> bool:
-        """The same answers, nothing damaged, nothing that was saved evaluated twice."""
+        """Return whether answers are the same, no artifact is damaged and no saved candidate was evaluated twice."""
         return not self.wrong and self.damaged == self.saved_and_evaluated_twice == 0
 
 
@@ -77,7 +77,7 @@ class Killing:
         self.log, self.count, self._winner = folder / "loaded.log", Count(), ""
 
     def run(self, kills: int) -> Count:
-        """All kills; every round goes on to its end, and its answer is compared with an undisturbed one."""
+        """Make all kills; complete every round and compare its answer with an undisturbed one."""
         begun = time.monotonic()
         wanted = self._finished("whole")
         whole_s, once = time.monotonic() - begun, Counter(self._loaded())
@@ -88,7 +88,7 @@ class Killing:
             self.log.unlink(missing_ok=True)
             saved: list[
                 tuple[int, set[str]]
-            ] = []  # after each kill: lines by then, and what the journal holds
+            ] = []  # after each kill: number of lines, and entries of the journal
             while self.count.kills < kills and self._killed(store, whole_s, once):
                 saved.append((len(self._loaded()), self._saved(store)))
             found = self._finished(store)
@@ -115,7 +115,7 @@ class Killing:
         )
 
     def _finished(self, store: str) -> dict[str, Any]:
-        """The answer of the command, left alone."""
+        """Return the answer of the undisturbed command."""
         out = self.folder / "answer.json"
         running = self._start(store, "--json", str(out))
         _, said = running.communicate(timeout=3600)
@@ -143,11 +143,11 @@ class Killing:
         return False
 
     def _loaded(self) -> list[str]:
-        """Candidates in the order in which they were loaded."""
+        """Return candidates in the order of loading."""
         return [loaded for _, _, loaded in noted(self.log)]
 
     def _saved(self, store: str) -> set[str]:
-        """Candidates that the store's journals hold."""
+        """Return candidates in the store's journals."""
         folders = {file.parent for file in (self.folder / store).rglob("branch-0000.jsonl")}
         found = {
             _named(trial.values)
@@ -189,7 +189,7 @@ def _named(values: Mapping[str, Any]) -> str:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--searches", type=int, default=100, help="kills of a search")
     parser.add_argument("--diagnoses", type=int, default=50, help="kills of a diagnosis")
     parser.add_argument("--seed", type=int, default=0)

@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from benchmarks.output import ROOT, Bar, parser_of, write
+from benchmarks.output import ROOT, Bar, make_parser, write
 
 STUDY = ROOT / "examples" / "hidden_effect" / "finger.yaml"
 ROWS = {"compare": 10_000_000, "diagnose": 2_000_000}
@@ -29,7 +29,7 @@ PRESSURE_PA, GAIN, NOISE_RAD = 15e3, 6e-5, 2e-3
 
 
 def main() -> None:
-    quick = parser_of(__doc__, "a tenth of the rows").parse_args().quick
+    quick = make_parser(__doc__, "a tenth of the rows").parse_args().quick
     rows = {verb: n // 10 if quick else n for verb, n in ROWS.items()}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def recorded(path: Path, n: int) -> Path:
-    """A slow swing of the pressure in `n` rows."""
+    """Return a slow swing of the pressure in `n` rows."""
     noise = np.random.default_rng(0)
     with path.open("w") as file:
         file.write("time_s,pressure_pa,angle_rad\n")
@@ -69,7 +69,7 @@ def recorded(path: Path, n: int) -> Path:
 
 
 def read_plainly(path: Path) -> float:
-    """Seconds that the standard library takes to split the file into cells."""
+    """Return the seconds that the standard library needs to split the file into cells."""
     begun = time.perf_counter()
     with path.open(newline="") as file:
         for _ in csv.reader(file):
@@ -78,7 +78,7 @@ def read_plainly(path: Path) -> float:
 
 
 def run(verb: str, file: Path, folder: Path) -> tuple[float, float]:
-    """Wall time and largest memory (bytes) of a command in a process of its own; raises where it fails."""
+    """Return wall time and largest memory (bytes) of a command in a separate process; raise if it fails."""
     command = [sys.executable, "-m", "pliant", verb, str(STUDY), "--data", str(file), *COMMANDS[verb]]
     begun = time.perf_counter()
     child = os.posix_spawn(

@@ -1,4 +1,4 @@
-"""Errors of the joint law on FEM states left out: adaptive degree, the study's form, with and without slopes.
+"""Errors of the joint law on FEM states left out: adaptive degree, the published form, with and without slopes.
 
 python -m benchmarks.law_error        prints, and writes benchmarks/out/law_error.json
 """
@@ -12,7 +12,7 @@ from benchmarks.output import ROOT, registry, workbench, write
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
-from pliant.pipeline.study import fem_of_study
+from pliant.pipeline.study import solve_study_fem
 from pliant.records.fem import FemDataset
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
@@ -20,13 +20,13 @@ from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 def main() -> None:
     study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry(), ["fem.sampling=grid"])
-    data: FemDataset = fem_of_study(workbench(), study)[0].value.axis("y")
+    data: FemDataset = solve_study_fem(workbench(), study)[0].value.axis("y")
     results = {"n_fitted": len(data.select("fit")), "n_heldout": len(data.select("check"))}
     print(f"{results['n_fitted']} states fitted, {results['n_heldout']} left out; worst error / range, R²")
     fits = {
         "adaptive": (PolynomialConfig(), data),
         "adaptive, values only": (PolynomialConfig(), without_slopes(data)),
-        "study's form": (PolynomialConfig(form="study"), data),
+        "published form": (PolynomialConfig(form="study"), data),
     }
     for name, (config, states) in fits.items():
         report = Polynomial(config).fit(states).report
@@ -44,13 +44,13 @@ def main() -> None:
 
 
 def without_slopes(data: FemDataset) -> FemDataset:
-    """The same states, slopes unknown."""
+    """Return the states without slopes."""
     unknown = np.full(len(data), np.nan)
     return dataclasses.replace(data, dmoment_dp=unknown, dmoment_du=unknown)
 
 
 def spread_fit_error(data: FemDataset, count: int) -> float | None:
-    """Worst error of the range when only `count` well-spread fit states are used; None if they are too few."""
+    """Return the worst error of the range with `count` well-spread fit states; None if they are too few."""
     fit = np.flatnonzero(data.role == "fit")
     points = np.stack(
         [data.actuation / np.ptp(data.actuation), data.angle_rad / np.ptp(data.angle_rad)], axis=1

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import ROOT, Bar, engine, parser_of, write
-from benchmarks.real.recordings import missing, runs_of, write_rows
+from benchmarks.output import ROOT, Bar, engine, make_parser, write
+from benchmarks.real.recordings import missing, read_runs, write_rows
 from scipy.linalg import eigh
 
 from pliant import api
@@ -35,7 +35,7 @@ LENGTH_M, FLEXURAL_N_M2, LINE_KG_M = 0.3, 2e-3, 0.1
 # Roots of cos x cosh x = −1: a beam clamped at one end (Timoshenko, Vibration Problems in Engineering).
 ROOTS = np.array([1.8751041, 4.6940911])
 BEAM_HZ = ROOTS**2 / (2 * np.pi * LENGTH_M**2) * np.sqrt(FLEXURAL_N_M2 / LINE_KG_M)
-# A step beside PyElastica's rod, with damping in proportion to mass.
+# A step compared with PyElastica's rod, with damping in proportion to mass.
 STEP_PA, STEP_DRAG_1_S, RECORD_S = 5e3, 2.0, 4e-3
 RUNS, TRAINING = ("two_bellow_bending.csv", "two_bellow_bending_more.csv"), "7V"
 FOUND = (
@@ -63,7 +63,7 @@ measurements: {{file: {file}, outputs: [angle_rad]}}
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--picture", action="store_true", help="draw docs/pictures/in_motion.png")
     asked = parser.parse_args()
     order, missed = convergence()
@@ -129,7 +129,7 @@ def main() -> None:
 
 
 def beam(n: int, gain: float = 1e-6) -> ChainModel:
-    """A slender rod of n modules without gravity; its joints bend under pressure, each with stiffness EI / l."""
+    """Return a slender rod of n modules without gravity; joints bend under pressure, stiffness EI / l each."""
     piece, along = LENGTH_M / n, np.array([1.0, 0.0, 0.0])
 
     def rod(length: float) -> MassProperties:
@@ -149,7 +149,7 @@ def beam(n: int, gain: float = 1e-6) -> ChainModel:
 
 
 def frequencies_hz(n: int) -> Array:
-    """The first two of small swings about the straight chain."""
+    """Return the first two frequencies of small swings about the straight chain."""
     chain = beam(n)
     stiffness = FLEXURAL_N_M2 / (LENGTH_M / n) * np.eye(n)
     squares = eigh(stiffness, mass_matrix(chain, np.zeros((n, 1))), eigvals_only=True)
@@ -163,7 +163,7 @@ def convergence() -> tuple[Array, Array]:
 
 
 def released() -> TaskResult:
-    """The beam of 32 modules let go from the bend of a small pressure, in MuJoCo without its own damping."""
+    """Release the beam of 32 modules from the bend of a small pressure, in MuJoCo without added damping."""
     config = FollowPressureConfig.model_validate(
         {"pressure": "100 Pa", "waveform": "release", "duration": "4 s", "record": "4 ms"}
     )
@@ -172,7 +172,7 @@ def released() -> TaskResult:
 
 
 def beside_a_rod(chain_hz: Array) -> dict[str, float]:
-    """PyElastica's rod let go like the chain, and both bent by a step; {} where it is not installed.
+    """Compare with PyElastica's rod, released and bent by a step; {} if it is not installed.
 
     Of the rod's modes, fast ones among them that no engine here follows, those nearest to the chain's.
     """
@@ -206,7 +206,7 @@ def beside_a_rod(chain_hz: Array) -> dict[str, float]:
 
 
 def study(folder: Path, **said: str) -> api.OpenStudy:
-    """The joint with two chambers, in a folder of its own."""
+    """Write and open the study of the joint with two chambers in a separate folder."""
     said = {
         "physics": "quasistatic",
         "effects": "[]",
@@ -221,7 +221,7 @@ def study(folder: Path, **said: str) -> api.OpenStudy:
 
 
 def motion(opened: api.OpenStudy) -> tuple[Rollout, dict[str, Any]]:
-    """What the study's task left."""
+    """Simulate the study's task; return its rollout and metrics."""
     made = api.simulate(opened).engines[0].artifact
     assert made is not None
     result = made.value
@@ -229,7 +229,7 @@ def motion(opened: api.OpenStudy) -> tuple[Rollout, dict[str, Any]]:
 
 
 def record(path: Path, time_s: Array, pressure: Array, angle: Array) -> None:
-    """A measurement file of one chamber's pressure and the angle."""
+    """Write a measurement file of one chamber's pressure and the angle."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["time_s", "pressure_1_pa", "pressure_2_pa", "angle_rad"])
@@ -237,7 +237,7 @@ def record(path: Path, time_s: Array, pressure: Array, angle: Array) -> None:
 
 
 def damping_and_inertia(folder: Path, drag: float = 6.0) -> dict[str, tuple[float, float]]:
-    """Found by `extend` in a motion of MuJoCo's, noise 1 mrad, and hidden: (found, hidden) of each number."""
+    """Return (found, hidden) of each parameter that `extend` fits to a motion of MuJoCo's with noise of 1 mrad."""
     time_s = np.linspace(0.0, 3.0, 600)
     pressure = np.where((time_s % 1.0 > 0.1) & (time_s % 1.0 < 0.6), 4e4, 0.0)
     record(folder / "run.csv", time_s, pressure, 0.0 * time_s)
@@ -255,11 +255,11 @@ def damping_and_inertia(folder: Path, drag: float = 6.0) -> dict[str, tuple[floa
 
 
 def measured_runs(folder: Path) -> dict[str, dict[str, Any]]:
-    """By run: error of `compare` and of the task, and the motion."""
-    for name, rows in runs_of(RUNS).items():
+    """Return, by run, the error of `compare` and of the task, and the motion."""
+    for name, rows in read_runs(RUNS).items():
         renamed = [{("angle_rad" if k == "bend_angle_rad" else k): v for k, v in row.items()} for row in rows]
         write_rows(folder / f"{name}.csv", renamed)
-    fitted = api.law_of_runs(study(folder, effects=FOUND, file=f"{TRAINING}.csv"), held=["b_e"])
+    fitted = api.fit_stated_law(study(folder, effects=FOUND, file=f"{TRAINING}.csv"), held=["b_e"])
     law = fitted.yaml().partition(": ")[2]
     found = {}
     for name in ("7V", "12V", "9V", "7V_again"):
@@ -278,7 +278,7 @@ def measured_runs(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def seen_angle(opened: api.OpenStudy, rollout: Rollout) -> Array:
-    """(t,) what the sensors of the study's effects make of the motion's angle."""
+    """Return (t,) readings of the motion's angle by the sensors of the study's effects."""
     model = Model(api.predictor(opened).chain)
     for effect in opened.study.effects:
         model = opened.bench.build("effect", effect).apply(model)
@@ -288,7 +288,7 @@ def seen_angle(opened: api.OpenStudy, rollout: Rollout) -> Array:
 
 
 def draw(swung: TaskResult, run: dict[str, Any]) -> None:
-    """A released beam, and a measured run that nothing was fitted to."""
+    """Draw a released beam, and a measured run that was not fitted."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium, Inputs
 from pliant.registry.discovery import Registry, discover
@@ -55,14 +55,14 @@ class Bar:
 
     @property
     def met(self) -> bool | None:
-        """None where it was not run."""
+        """Return whether the bar is met; None if it was not run."""
         if self.reached is None:
             return None
         slack = ROUNDING * max(abs(self.bar), ROUNDING)
         return bool(self.reached <= self.bar + slack if self.at_most else self.reached >= self.bar - slack)
 
     def shown(self, value: float | None) -> str:
-        """A number with its unit."""
+        """Return a number with its unit."""
         return "not run" if value is None else f"{self.scale * value:.3g} {self.unit}".strip()
 
     def __str__(self) -> str:
@@ -71,17 +71,17 @@ class Bar:
         return f"bar: {self.what}: {self.shown(self.reached)} ({word} {self.shown(self.bar)}){verdict}"
 
     def json(self) -> dict[str, Any]:
-        """As a result keeps it."""
+        """Return the bar as stored in a result."""
         return {**asdict(self), "met": self.met}
 
     @staticmethod
-    def of(kept: Mapping[str, Any]) -> Bar:
-        """The bar that a result keeps."""
+    def from_result(kept: Mapping[str, Any]) -> Bar:
+        """Return the bar stored in a result."""
         return Bar(**{name: value for name, value in kept.items() if name != "met"})
 
 
-def parser_of(doc: str | None, quick: str = "") -> argparse.ArgumentParser:
-    """A parser that shows a module's docstring as it stands; `quick` explains --quick where there is one."""
+def make_parser(doc: str | None, quick: str = "") -> argparse.ArgumentParser:
+    """Return a parser that shows a module's docstring verbatim; `quick` is the help of --quick, if it exists."""
     parser = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
     )
@@ -92,28 +92,28 @@ def parser_of(doc: str | None, quick: str = "") -> argparse.ArgumentParser:
 
 @cache
 def registry() -> Registry:
-    """The installed plugins."""
+    """Return the installed plugins."""
     return discover()
 
 
-def workbench() -> Workbench:
-    """With the store of this checkout."""
-    return Workbench(registry(), ArtifactStore(ROOT / ".pliant" / "store"))
+def workbench() -> RunContext:
+    """Return the run context with the store of this checkout."""
+    return RunContext(registry(), ArtifactStore(ROOT / ".pliant" / "store"))
 
 
 def component(interface: str, kind: str, **settings: Any) -> Any:
-    """A plugin's component with some settings, keys as in a study."""
+    """Return a plugin's component with some settings, keys as in a study."""
     found = registry().get(interface, kind)
     return found.build(found.config_model().model_validate({"kind": kind, **settings}))
 
 
 def engine(kind: str, **settings: Any) -> PhysicsBackend:
-    """An engine: quasistatic, mujoco, pybullet."""
+    """Return an engine: quasistatic, mujoco, pybullet."""
     return component("physics", kind, **settings)
 
 
 def known(kind: str) -> bool:
-    """Whether an engine is installed; says so where it is not."""
+    """Return whether an engine is installed; print a message if it is not."""
     try:
         engine(kind)
     except MissingDependencyError as error:
@@ -123,7 +123,7 @@ def known(kind: str) -> bool:
 
 
 def settle(backend: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> tuple[Equilibrium, float]:
-    """The equilibrium from the straight chain, and CPU seconds of `apply` and `settle`."""
+    """Settle from the straight chain; return the equilibrium and CPU seconds of `apply` and `settle`."""
     with backend.build(chain) as simulation:
         begun = time.process_time()
         simulation.apply(inputs)
@@ -132,19 +132,19 @@ def settle(backend: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> tuple[
 
 
 def largest_mm(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Largest distance of a marker in one pose (n, 3), m, from its place in another."""
+    """Return the largest distance of a marker between two poses (n, 3), in m."""
     return 1e3 * float(np.linalg.norm(one - other, axis=-1).max())
 
 
 def ratio(baseline: Sequence[float], other: Sequence[float]) -> float:
-    """Median over common rounds of baseline / other: load of the machine hits both alike."""
+    """Return the median over common rounds of baseline / other, robust to the load of the machine."""
     return statistics.median(slow / fast for slow, fast in zip(baseline, other, strict=False))
 
 
-def seconds_of(
+def time_calls(
     work: Callable[[], object], rounds: int = 1, clock: Callable[[], float] = time.process_time
 ) -> list[float]:
-    """Seconds of each of some calls, by default of this process's processor time."""
+    """Return seconds of each of some calls, by default of this process's processor time."""
     times = []
     for _ in range(rounds):
         begun = clock()
@@ -154,7 +154,7 @@ def seconds_of(
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores, versions, and how busy the machine was in the last minute (processes that wait or run)."""
+    """Return processor, cores, versions, and load of the last minute (processes that wait or run)."""
     return {
         "processor": processor(),
         "cores": os.cpu_count(),
@@ -166,7 +166,7 @@ def machine() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """The processor's name, as far as the system tells it."""
+    """Return the processor's name, as far as the system provides it."""
     try:
         lines = CPUINFO.read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -185,7 +185,7 @@ def write(name: str, results: Mapping[str, Any], bars: Sequence[Bar] = ()) -> No
 
 
 def read(name: str) -> dict[str, Any]:
-    """What an earlier run wrote, or nothing."""
+    """Return the result of an earlier run, or an empty dict."""
     try:
         found: dict[str, Any] = json.loads((OUT / f"{name}.json").read_text())
     except (OSError, ValueError):
@@ -194,7 +194,7 @@ def read(name: str) -> dict[str, Any]:
 
 
 def reference_table(name: str) -> dict[str, NDArray[np.float64]] | None:
-    """Columns (n,) of a CSV of the published study by name; None where the folder is absent."""
+    """Return columns (n,) of a CSV of the published study by name; None without the folder."""
     path = REFERENCE / name
     if not path.is_file():
         return None

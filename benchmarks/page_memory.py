@@ -1,12 +1,12 @@
-"""Whether the evidence page grows while it is used: ticks, sliders, marks, undo and redo, in headless Chromium.
+"""Memory growth of the evidence page during use: ticks, sliders, marks, undo and redo, in headless Chromium.
 
     python -m benchmarks.page_memory --minutes 60
     python -m benchmarks.page_memory --minutes 5 --snapshots    what grew, by kind of object, instead
 
-Prints, minute by minute, MB resident of the process that renders the page (whole, and without mapped files), what the
-page holds after its garbage was collected (heap in MB, nodes and listeners of the document), and what the server's
-process holds; and the growth from the end of the first minute, and of the fifth, to the last. Snapshots make the
-process grow themselves, so they are a run of their own.
+Prints, minute by minute, MB resident of the process that renders the page (whole, and without mapped files), the page's
+memory after garbage collection (heap in MB, nodes and listeners of the document), and the memory of the server's
+process; and the growth from the end of the first minute, and of the fifth, to the last. Snapshots themselves increase
+the memory, so they are a separate run.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks.devtools import DevtoolsPage, browsing, resident_mb
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, make_parser, write
 from tests.app.conftest import STUDY, recording
 from tests.app.test_in_the_browser import CHROMIUM, QUIET, started
 
@@ -32,7 +32,7 @@ SETTLED = "document.body.dataset.ready === String(version) && document.querySele
 
 
 def used(page: DevtoolsPage, server: int) -> Row:
-    """What is held now, garbage collected."""
+    """Return the memory in use after garbage collection."""
     page.send("HeapProfiler.collectGarbage")
     counted = page.send("Memory.getDOMCounters")
     whole, own = resident_mb(page.process())
@@ -47,7 +47,7 @@ def used(page: DevtoolsPage, server: int) -> Row:
 
 
 def held(page: DevtoolsPage) -> Counter[str]:
-    """Bytes of the page's heap by kind and constructor of objects, from a snapshot."""
+    """Return bytes of the page's heap by kind and constructor of objects, from a snapshot."""
     page.events.clear()
     page.send("HeapProfiler.takeHeapSnapshot", reportProgress=False)
     chunks = (
@@ -71,8 +71,8 @@ def tick(page: DevtoolsPage) -> None:
     page.until(f"view.model.effects.some(one => one.kind === '{EFFECT}') && {SETTLED}")
 
 
-def round_of_use(page: DevtoolsPage) -> None:
-    """What a user does again and again; it ends where it began but for the history."""
+def perform_round(page: DevtoolsPage) -> None:
+    """Perform a user's typical actions; afterwards only the history differs from before."""
     tick(page)
     begun = page.evaluate(f"view.model.effects.find(one => one.kind === '{EFFECT}')")
     strength = next(key for key in begun if key != "kind")
@@ -94,7 +94,7 @@ def round_of_use(page: DevtoolsPage) -> None:
 
 
 def growth(rows: list[Row]) -> Row:
-    """From the end of the warm minutes to the last, of 1."""
+    """Return the growth from the end of the warm minutes to the last."""
     return {
         f"{name}_from_minute_{start}": round(rows[-1][name] / rows[start][name] - 1, 4)
         for start in WARM
@@ -105,7 +105,7 @@ def growth(rows: list[Row]) -> Row:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--snapshots", action="store_true", help="what grew, by kind of object")
     given = parser.parse_args()
@@ -131,7 +131,7 @@ def main() -> None:
                             seen.append(held(page))
                         rows.append({"rounds": rounds, **used(page, server.pid)})
                         print(json.dumps(rows[-1]), flush=True)
-                    round_of_use(page)
+                    perform_round(page)
                     rounds += 1
         finally:
             server.terminate()

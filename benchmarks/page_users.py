@@ -1,10 +1,11 @@
-"""Scripted users of the evidence page on sets of the bed: does a user get what `pliant improve` gets, and is warned?
+"""Scripted users of the evidence page on sets of the bed: are results those of `pliant improve`, with warnings?
 
     python -m benchmarks.page_users --cases 20
-    python -m benchmarks.page_users --cases 3 --first 7   # these three anew, beside what was kept of the others
+    python -m benchmarks.page_users --cases 3 --first 7   # these three again, with stored results of the others
 
-Each drops a study and its recording, looks, diagnoses, ticks what is probable, fits, saves; then presses Improve; then
-adds an effect that is not there. Sets are of the calibration split, with an effect hidden in each, on the joint.
+Each drops a study and its recording, looks, diagnoses, ticks probable effects, fits, saves; then presses Improve; then
+adds an effect that is absent from the truth. Sets are of the calibration split, with an effect hidden in each, on the
+joint.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from typing import Any
 
 import numpy as np
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.output import parser_of, read, write
+from benchmarks.output import make_parser, read, write
 from tests.app.page_user import PageUser, opened
 
 from pliant import api
-from pliant.app.open_model import OpenModel
-from pliant.app.page_state import Effects
+from pliant_app.open_model import OpenModel
+from pliant_app.page_state import Effects
 
 KINDS = (
     "viscoelastic", "actuation_gain", "stiffness", "sensor_scale", "friction_hysteresis", "backlash", "dead_zone",
@@ -32,7 +33,7 @@ CLOSE = 0.02
 
 
 def specs(count: int, protocol: str, first: int = 0) -> list[SetSpec]:
-    """Kinds in turn, other seeds in each round; `first` goes on where an earlier call stopped."""
+    """Return sets of all kinds in turn, with other seeds in each round; `first` continues an earlier call."""
     return [
         SetSpec(KINDS[k % len(KINDS)], 500 + k, "functional", "joint", protocol, "calibration", SNR)
         for k in range(first, first + count)
@@ -40,13 +41,13 @@ def specs(count: int, protocol: str, first: int = 0) -> list[SetSpec]:
 
 
 def played(spec: SetSpec, folder: Path, store: Path) -> dict[str, Any]:
-    """One user's session on one set."""
+    """Play one user's session on one set."""
     made = make_set(spec)
     return {"hidden": spec.kind, **on_the_page(made.csv, made.study, made.label["kinds"], folder, store)}
 
 
 def on_the_page(csv: str, study: str, hidden: list[str], folder: Path, store: Path) -> dict[str, Any]:
-    """A user's session on a recording and a study, from an empty page."""
+    """Run a user's session on a recording and a study, from an empty page."""
     dropped = [folder / "bench.csv", folder / "robot.yaml"]
     dropped[0].write_text(csv)
     dropped[1].write_text(study)
@@ -94,7 +95,7 @@ def _effects(study: Path, store: Path) -> Effects:
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """What all users met together."""
+    """Return a summary over all users."""
     offered = [row for row in rows if row["false_add"]]
     return {
         "cases": len(rows),
@@ -108,7 +109,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--protocol", default="example")

@@ -1,4 +1,4 @@
-"""Pages of docs whose tables come from results: a page's own words stay, what stands between marks is written anew.
+"""Pages of docs whose tables come from results: the text between marks is regenerated, the rest is kept.
 
 <!-- WORD: NAME --> … <!-- end -->    the table or picture NAME of the page's module
 """
@@ -16,15 +16,15 @@ Tables = Mapping[str, Callable[[Result], Iterable[str]]]
 
 
 def marks(word: str) -> re.Pattern[str]:
-    """Finds the marks of a page: its beginning, its name, its end."""
+    """Return a pattern that finds the marks of a page: its start, its name, its end."""
     return re.compile(rf"(<!-- {word}: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def rendered(text: str, mark: re.Pattern[str], tables: Tables, result: Result) -> str:
-    """A page's text with its tables written anew.
+    """Return a page's text with its tables updated.
 
     Raises:
-        UserError: the page asks for a table that there is none of.
+        UserError: the page asks for an unknown table.
     """
 
     def table(match: re.Match[str]) -> str:
@@ -37,7 +37,7 @@ def rendered(text: str, mark: re.Pattern[str], tables: Tables, result: Result) -
 
 
 def table(columns: str, rows: Iterable[Iterable[Any]]) -> Iterator[str]:
-    """A table in Markdown; the heads of its columns stand between bars, as in the first line that it yields."""
+    """Yield a table in Markdown; column heads are separated by bars, as in its first line."""
     yield f"| {columns} |"
     yield "|---" * (columns.count("|") + 1) + "|"
     for row in rows:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from benchmarks.output import ROOT, parser_of, write
+from benchmarks.output import ROOT, make_parser, write
 from benchmarks.soak import LONGER
 from tests.cli.search_study import STUDY
 
@@ -27,7 +27,7 @@ from pliant import api
 from pliant.diagnosis.fitting import Fitter
 from pliant.execution.executors import executor_for
 from pliant.execution.jobs import JobQueue
-from pliant.search.evaluate.evaluator import Evaluator
+from pliant_search.evaluate.evaluator import Evaluator
 
 MESSAGES = 400
 WORTH = 1.3
@@ -55,12 +55,12 @@ class Load:
     between_s: float = 0.0
 
     def takes(self, workers: int) -> float:
-        """Seconds of all batches with so many workers."""
+        """Return the seconds of all batches with a number of workers."""
         return self.batches * (makespan(self.tasks, workers, self.driver_s) + self.between_s)
 
 
 def makespan(tasks: Sequence[float], workers: int, driver_s: float) -> float:
-    """Seconds until the last task is back: each passes the driver once, in turn, then the first free worker."""
+    """Return the time of the last task: each passes the driver once, in turn, then the first free worker."""
     free = [0.0] * min(workers, len(tasks))
     driver, last = 0.0, 0.0
     for task in tasks:
@@ -75,7 +75,7 @@ def makespan(tasks: Sequence[float], workers: int, driver_s: float) -> float:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--most", type=int, default=64)
     most = parser.parse_args().most
     with tempfile.TemporaryDirectory() as name:
@@ -94,11 +94,11 @@ def main() -> None:
 
 
 def measured(folder: Path) -> list[Load]:
-    """Loads with the costs of this machine."""
-    message_s = of_a_message()
-    fem_s = of_a_design(folder)
-    fits = of_fits(folder)
-    between_s, candidate_s = of_a_candidate(folder)
+    """Measure this machine's costs, print them and return loads with them."""
+    message_s = message_seconds()
+    fem_s = design_seconds(folder)
+    fits = fit_seconds(folder)
+    between_s, candidate_s = candidate_seconds(folder)
     print(f"a job through dask costs the driver {1e3 * message_s:.2f} ms")
     print(
         f"FEM of a design {fem_s:.1f} s; a candidate {1e3 * candidate_s:.1f} ms, its driver {1e3 * between_s:.2f} ms"
@@ -122,8 +122,8 @@ def measured(folder: Path) -> list[Load]:
     ]
 
 
-def of_a_message() -> float:
-    """CPU seconds of the driver for a job that does nothing, through a dask cluster of one process."""
+def message_seconds() -> float:
+    """Return the driver's CPU seconds for an empty job, through a dask cluster of one process."""
     import distributed
 
     settings = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
@@ -138,8 +138,8 @@ def of_a_message() -> float:
         return (time.process_time() - begun) / MESSAGES
 
 
-def of_a_design(folder: Path) -> float:
-    """CPU seconds of the FEM of the first finger's module, when everything is compiled."""
+def design_seconds(folder: Path) -> float:
+    """Return CPU seconds of the FEM of the first finger's module, after compilation."""
     taken = []
     for name in ("first", "second"):
         begun = time.process_time()
@@ -148,8 +148,8 @@ def of_a_design(folder: Path) -> float:
     return min(taken)
 
 
-def of_fits(folder: Path) -> tuple[float, ...]:
-    """CPU seconds of each fit of a diagnosis of the example's recording, in their order."""
+def fit_seconds(folder: Path) -> tuple[float, ...]:
+    """Return CPU seconds of each fit of a diagnosis of the example's recording, in their order."""
     opened = api.open_study(HIDDEN, store=folder / "hidden")
     measurement = api.read_measurement(opened, [BENCH])
     taken: list[float] = []
@@ -167,8 +167,8 @@ def of_fits(folder: Path) -> tuple[float, ...]:
     return tuple(taken)
 
 
-def of_a_candidate(folder: Path) -> tuple[float, float]:
-    """CPU seconds of asking for and telling a candidate of the soaked search, and of evaluating it."""
+def candidate_seconds(folder: Path) -> tuple[float, float]:
+    """Return CPU seconds of ask and tell for a candidate of the soaked search, and of its evaluation."""
     path, taken, plain = folder / "search.yaml", [], Evaluator.evaluate
     path.write_text(STUDY)
 

@@ -1,11 +1,11 @@
 """One search by one process, by two, and by a dask cluster of two: python -m benchmarks.search_workers [--budget 4860]
 
 The search is that of examples/shape_matching/integers.yaml, whose budget is 4 860 candidates, without its check by FEM.
-Each way has a store of its own, which a search of a few candidates has filled with the FEM and the laws of its designs
-before. Timed is the stage `search`, as the store writes it down: starting the workers, every candidate, what is
-asked about the best one; the whole command, with its report, is printed beside it. Compared are the history of all
-candidates and the best design. Hosts without a common file system: `tests/endtoend/test_two_hosts.py`. Prints ratios to
-one process and writes benchmarks/out/search_workers.json.
+Each variant has a separate store, which a search of a few candidates has filled with the FEM and the laws of its
+designs before. Timed is the stage `search`, as recorded in the store: starting the workers, every candidate,
+evaluations of the best one; the time of the whole command, with its report, is also printed. Compared are the history
+of all candidates and the best design. Hosts without a common file system: `tests/endtoend/test_two_hosts.py`. Prints
+ratios to one process and writes benchmarks/out/search_workers.json.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.output import ROOT, Bar, parser_of, write
+from benchmarks.output import ROOT, Bar, make_parser, write
 
 STUDY = ROOT / "examples" / "shape_matching" / "integers.yaml"
 FEW = 8
 
 
 def searched(folder: Path, budget: int, *workers: str) -> tuple[float, float, dict[str, Any]]:
-    """Wall time of the stage and of the command, and what was found.
+    """Return wall time of the stage and of the command, and the result.
 
     Raises:
         RuntimeError: the command did not end well.
@@ -62,7 +62,7 @@ def searched(folder: Path, budget: int, *workers: str) -> tuple[float, float, di
 def main(arguments: Sequence[str] | None = None) -> int:
     import distributed
 
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--budget", type=int, default=4860, help="candidates")
     given = parser.parse_args(arguments)
     folder = Path(tempfile.mkdtemp(prefix="pliant-search-"))

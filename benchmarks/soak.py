@@ -1,18 +1,18 @@
-"""Mixed work on one store under kills, full disks, clock jumps and a read-only phase: nothing lost, nothing different.
+"""Mixed work on one store under kills, full disks, clock jumps and a read-only phase: results must not change.
 
     python -m benchmarks.soak [--minutes 60] [--seed 0]       prints, and writes benchmarks/out/soak.json
 
-Two sweeps, a search and a diagnosis, each in a process of its own, take turns on one store, disturbed by seed:
+Two sweeps, a search and a diagnosis, each in a separate process, alternate on one store, disturbed by seed:
 
 - killed: kill -9 for the whole process group at a random moment;
-- full: no file grows beyond a few kB, as if the disk were full there (RLIMIT_FSIZE);
+- full: no file can grow beyond a few kB, as on a full disk (RLIMIT_FSIZE);
 - clock: `time.time` of the process and of its workers is months off, back or forth;
 - read-only: the store cannot be written (permissions; as root a read-only bind mount in a mount namespace);
-- calm: nothing is done to it.
+- calm: no disturbance.
 
-What a disturbed command may do: succeed with the undisturbed answer, be killed, or refuse with exit code 2 and a
-sentence. When a calm one has succeeded, its store is emptied one time in three. In the end every command runs once more
-undisturbed, its answer is compared with that of a store of its own, and every artifact is verified.
+A disturbed command may succeed with the undisturbed answer, be killed, or refuse with exit code 2 and a message. After
+a calm one has succeeded, its store is emptied one time in three. In the end every command runs once more undisturbed,
+its answer is compared with that of a separate store, and every artifact is verified.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.families.kill import SPRINGS
-from benchmarks.output import ROOT, parser_of, write
+from benchmarks.output import ROOT, make_parser, write
 from tests.cli.search_study import STUDY
 
 PLIANT = (sys.executable, "-m", "pliant")
@@ -44,7 +44,7 @@ EMPTIED = 1 / 3
 LONGEST_S = 300.0
 FULL_BYTES = (2_000, 200_000)
 JUMP_S = 2e7
-# Of a result: how long it took, whether it was there, and where it lies.
+# Keys of a result for its duration, whether it was cached, and its location.
 APART = {"wall_s", "fem_wall_s", "cached", "out", "csv", "report", "best_study"}
 CLOCK = """\
 import os, time
@@ -66,7 +66,7 @@ class Work:
 
 @dataclass
 class Count:
-    """What happened: the number of each disturbance, of each end, and what should not have been."""
+    """Counts of each disturbance, of each outcome, and of errors."""
 
     disturbances: Counter[str] = field(default_factory=Counter)
     ends: Counter[str] = field(default_factory=Counter)
@@ -78,7 +78,7 @@ class Count:
 
 
 def works(folder: Path) -> list[Work]:
-    """The commands, their studies written into the folder."""
+    """Return the commands, their studies written into the folder."""
     texts = {
         "springs": SPRINGS.replace("delay_s: 0.05", "delay_s: 0.01"),
         "other-springs": SPRINGS.replace("delay_s: 0.05", "delay_s: 0.01").replace("12 mm]", "11 mm]"),
@@ -108,16 +108,16 @@ class Soak:
         (folder / "clock" / "sitecustomize.py").write_text(CLOCK)
 
     def run(self, minutes: float) -> Count:
-        """Undisturbed answers, disturbances until the time is up, and what is there in the end."""
+        """Run undisturbed commands, disturbances until the time is up, and the final checks."""
         begun = time.monotonic()
         for work in self.works:
-            self.wanted[work.name] = self._answer_of(work, self.folder / "apart" / work.name)
+            self.wanted[work.name] = self._read_answer(work, self.folder / "apart" / work.name)
         while time.monotonic() - begun < 60.0 * minutes:
             work, how = self.random.choice(self.works), self.random.choice(DISTURBED)
             self.count.disturbances[how] += 1
             self._disturbed(work, how)
         for work in self.works:
-            self._judge(work, self._answer_of(work, self.store))
+            self._judge(work, self._read_answer(work, self.store))
         self._verify()
         self.count.wall_s = time.monotonic() - begun
         return self.count
@@ -155,7 +155,7 @@ class Soak:
         if code == 0:
             self._judge(work, _read(out))
             if how == "calm" and self.random.random() < EMPTIED:
-                # A diagnosis of a stated law keeps nothing there.
+                # A diagnosis of a stated law stores nothing there.
                 shutil.rmtree(self.store, ignore_errors=True)
                 self.count.stores_emptied += 1
 
@@ -163,7 +163,7 @@ class Soak:
         place = ("--store", str(store), "--out", str(self.folder / "out" / work.name), "--json", str(out))
         return [*PLIANT, *work.command, *place, "--quiet"]
 
-    def _answer_of(self, work: Work, store: Path) -> Any:
+    def _read_answer(self, work: Work, store: Path) -> Any:
         out = self.folder / "answer.json"
         running = _start(self._command(work, store, out), dict(os.environ), None)
         _, said = running.communicate(timeout=LONGEST_S)
@@ -188,7 +188,7 @@ class Soak:
 
 
 def _read(out: Path) -> dict[str, Any]:
-    """A command's result, with the table of states where it wrote one."""
+    """Return a command's result, with the table of states if it wrote one."""
     found: dict[str, Any] = json.loads(out.read_text())
     return {**found, "states": Path(found["csv"]).read_text()} if "csv" in found else found
 
@@ -209,13 +209,13 @@ def _start(
 
 
 def _limit_files(size: int) -> None:
-    """In the child: writing beyond the size fails, as on a full disk, instead of ending the process."""
+    """Limit files in the child: writing beyond the size fails, as on a full disk, instead of ending the process."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
 class _read_only:  # noqa: N801 - a context
-    """A store that cannot be written within the block; what a command is to be put behind."""
+    """A context in which a store is read-only; it returns the prefix of commands for it."""
 
     def __init__(self, store: Path, wanted: bool) -> None:
         self.store, self.wanted = store, wanted and store.is_dir()
@@ -239,7 +239,7 @@ class _read_only:  # noqa: N801 - a context
 
 
 def differences(wanted: Any, found: Any, place: str = "") -> Any:
-    """Where two results differ but in what is `APART`."""
+    """Yield the differences of two results, except for the keys in `APART`."""
     if isinstance(wanted, dict) and isinstance(found, dict):
         for key in sorted({*wanted, *found} - APART):
             yield from differences(wanted.get(key), found.get(key), f"{place}.{key}")
@@ -251,7 +251,7 @@ def differences(wanted: Any, found: Any, place: str = "") -> Any:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()

@@ -25,7 +25,7 @@ EXAMPLES = ROOT / "examples" / "first_finger"
 PLIANT = (sys.executable, "-m", "pliant")
 WRONG = "pliant: 1\nname: wrong\nphysics: {kind: quasistatik}\n"
 TURNS = 5
-# What is to be reached: times `import numpy`, or seconds.
+# Targets: times `import numpy`, or seconds.
 LIMITS = {
     "pliant --help": (4.0, "×"),
     "an error in a study": (1.0, "s"),
@@ -50,13 +50,13 @@ COLUMNS = "time_s,pressure_pa,angle_rad"
 
 
 def compiled(folder: Path) -> dict[str, str]:
-    """The environment of a run that keeps byte code in the folder, whatever ours says of it."""
+    """Return the environment of a run that keeps byte code in the folder, whatever ours is."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return {**kept, "PYTHONPYCACHEPREFIX": str(folder / "compiled")}
 
 
 def seconds(*commands: tuple[str, ...], cwd: Path, code: int = 0) -> float:
-    """Wall time of commands after one another; raises where one ends with another exit code."""
+    """Return the wall time of consecutive commands; raise if one ends with another exit code."""
     begun = time.perf_counter()
     for command in commands:
         done = subprocess.run(
@@ -68,7 +68,7 @@ def seconds(*commands: tuple[str, ...], cwd: Path, code: int = 0) -> float:
 
 
 def demo(folder: Path) -> float:
-    """The two runs of `make demo`, with a store in `folder`."""
+    """Return the two runs of `make demo`, with a store in `folder`."""
     runs = [
         (*PLIANT, "run", str(EXAMPLES / study), "--out", name)
         for study, name in (("finger.yaml", "runs/first-finger"), ("loaded.yaml", "runs/loaded-finger"))
@@ -77,7 +77,7 @@ def demo(folder: Path) -> float:
 
 
 def measured(folder: Path) -> tuple[float, dict[str, float]]:
-    """Smallest seconds of `import numpy`, and of each case."""
+    """Return smallest seconds of `import numpy`, and of each case."""
     (folder / "wrong.yaml").write_text(WRONG, encoding="utf-8")
     demo(folder)  # fills the store
     cases = {
@@ -94,14 +94,14 @@ def measured(folder: Path) -> tuple[float, dict[str, float]]:
 
 @dataclass(frozen=True, eq=False)
 class Mistake:
-    """A command that is wrong.
+    """A command with a mistake.
 
     Attributes:
         name: in words.
         command: arguments of `pliant`.
-        said: what the answer must hold: the remedy, or what is asked for.
-        files: what lies in the folder, by name.
-        code: the exit code; 0 where the file is read and the doubt is said.
+        said: text that the answer must contain: the remedy, or the requested value.
+        files: contents of the folder, by name.
+        code: the exit code; 0 if the file is read with a warning.
     """
 
     name: str
@@ -174,7 +174,7 @@ MISTAKES = (
 
 
 def made(mistake: Mistake, folder: Path, environment: Mapping[str, str]) -> tuple[float, str]:
-    """Make a mistake; CPU seconds and what was answered. Raises `SystemExit` where that is not what it should be."""
+    """Run a mistaken command; return CPU seconds and its message. Raises `SystemExit` for an unexpected message."""
     folder.mkdir(exist_ok=True)
     for name, content in mistake.files.items():
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -190,7 +190,7 @@ def made(mistake: Mistake, folder: Path, environment: Mapping[str, str]) -> tupl
 def cpu_seconds(
     command: tuple[str, ...], folder: Path, environment: Mapping[str, str]
 ) -> tuple[float, subprocess.CompletedProcess[str]]:
-    """CPU time of a child process, user and system, and what became of it; the environment is all that it has."""
+    """Return CPU time of a child process, user and system, and its result; its environment is that given."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         command, cwd=folder, env=dict(environment), capture_output=True, text=True, check=False

@@ -2,8 +2,8 @@
 
 The same judged sets, of a draw that no sealed run has, are diagnosed by two processes and by the cluster; the
 gripper of examples/gripper_codesign is searched at a small budget for all six tasks, its winners tried again under
-noise, by two processes and by the cluster, each with a store of its own. Prints whether the answers and the searches
-are the same, and how long each took; writes benchmarks/out/through_dask.json.
+noise, by two processes and by the cluster, each with a separate store. Prints whether the answers and the searches are
+the same, and the time of each; writes benchmarks/out/through_dask.json.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from typing import Any
 
 from benchmarks.evidence.run_bench import Bench, answers, run
 from benchmarks.evidence.tasks import Plan
-from benchmarks.output import parser_of, write
+from benchmarks.output import make_parser, write
 from benchmarks.studies.command import Asked, searched
 from benchmarks.studies.gripper_codesign import EXAMPLES, SEED_CONFIRM
 
@@ -36,7 +36,7 @@ APART = {*TIMES, "workers", "machine", "from_store", "cached"}
 
 
 def diagnosed(folder: Path, share: float, scheduler: str | None) -> list[dict[str, Any]]:
-    """The answers of a share of the judged plan, by two processes or by a cluster, without their times."""
+    """Return the answers of a share of the judged plan, by two processes or by a cluster, without their times."""
     plan = replace(Plan(), split="judged", draw=DRAW, share=share)
     bench = Bench(folder, "through_dask")
     folder.mkdir(parents=True)
@@ -46,7 +46,7 @@ def diagnosed(folder: Path, share: float, scheduler: str | None) -> list[dict[st
 
 
 def designed(store: Path, budget: int, scheduler: str | None) -> dict[str, Any]:
-    """The search of CMA-ES, by two processes or by a cluster, without its times.
+    """Return the search of CMA-ES, by two processes or by a cluster, without its times.
 
     Raises:
         NotReachedError: nothing feasible was found.
@@ -60,7 +60,7 @@ def designed(store: Path, budget: int, scheduler: str | None) -> dict[str, Any]:
 
 
 def without_times(value: Any) -> Any:
-    """JSON values without what says when, by whom and how long."""
+    """Return JSON values without times, hosts and durations."""
     if isinstance(value, dict):
         return {key: without_times(one) for key, one in value.items() if key not in APART}
     return [without_times(one) for one in value] if isinstance(value, list | tuple) else value
@@ -69,7 +69,7 @@ def without_times(value: Any) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     import distributed
 
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--share", type=float, default=0.02, help="of the judged plan")
     parser.add_argument("--budget", type=int, default=48, help="candidates of six grasps each")
     given = parser.parse_args(arguments)

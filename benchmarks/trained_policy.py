@@ -1,13 +1,12 @@
-"""Policies trained on what a recording leaves possible, in robots that the evidence bed hides; beside others.
+"""Policies trained on the posterior of a recording, tested on hidden robots of the evidence bed, and baselines.
 
 python -m benchmarks.trained_policy [--quick]    prints, writes benchmarks/out/trained_policy.json and its page's table
 
-Twenty truths of two hidden effects, of the forms that judged sets have. Each is recorded on the
-bed's bench and diagnosed; what `pliant extend` finds of every credible explanation is a model of that robot, and robots
-drawn from their posteriors are what a policy is trained in. Then two segments of such modules lead the tip along a
-circle: the truth itself does, in the bed's MuJoCo engine. The tip is read 50 ms late, with the noise of the recording.
-Errors are root mean squares of the true tip over the circle. Truths that are done stand in
-benchmarks/out/trained_policy, and the next call goes on after them.
+Twenty truths of two hidden effects, of the forms that judged sets have. Each is recorded on the bed's bench and
+diagnosed; `pliant extend` fits a model of that robot for every credible explanation, and a policy is trained in robots
+drawn from their posteriors. Then two segments of such modules lead the tip along a circle, with the truth in the bed's
+MuJoCo engine. The tip is read 50 ms late, with the noise of the recording. Errors are root mean squares of the true tip
+over the circle. Finished truths are stored in benchmarks/out/trained_policy, and the next call continues after them.
 """
 
 from __future__ import annotations
@@ -22,18 +21,18 @@ import numpy as np
 from benchmarks.evidence.robots import ROBOTS, TIPS
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.evidence.truths import Truth, draw
-from benchmarks.output import OUT, ROOT, Bar, component, parser_of, read, write
+from benchmarks.output import OUT, ROOT, Bar, component, make_parser, read, write
 from benchmarks.truth_robot import TruthSimulation
 from scipy.optimize import least_squares
 
 from benchmarks import pages
 from pliant import api
-from pliant.diagnosis.kept_posterior import block_of
+from pliant.diagnosis.kept_posterior import posterior_block
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.envs.baselines import BASELINES, Controller, Nominal, score
 from pliant_plugins.envs.control import MeasuredEnv, MeasuredTrackEnv, World
-from pliant_plugins.envs.trained import FEATURES, Episode, LinearResidual, train
+from pliant_search.envs.trained import FEATURES, Episode, LinearResidual, train
 
 HIDDEN, RECORDED, TRUTHS = "viscous_damping+stiffness", ROBOTS["chain"], 20
 CREDIBLE = 0.05  # the least probability of an explanation that robots are drawn from
@@ -73,7 +72,7 @@ class HiddenRobot(MeasuredTrackEnv):
     """The robot of a study on the bench, whose only world is a truth.
 
     Args:
-        study: what the controllers know.
+        study: the study given to the controllers.
         body: the chain without effects.
         truth: of every joint.
     """
@@ -94,7 +93,7 @@ class HiddenRobot(MeasuredTrackEnv):
 
 
 def main() -> None:
-    quick = parser_of(__doc__, "two truths and a short training").parse_args().quick
+    quick = make_parser(__doc__, "two truths and a short training").parse_args().quick
     count, candidates = (2, 6) if quick else (TRUTHS, CANDIDATES)
     KEPT.mkdir(parents=True, exist_ok=True)
     done = {one["seed"]: one for one in kept() if one["candidates"] == candidates}
@@ -110,18 +109,18 @@ def main() -> None:
 
 
 def kept() -> list[dict[str, Any]]:
-    """Truths that earlier calls have done."""
+    """Return truths of earlier calls."""
     return [json.loads(line) for line in LOG.read_text().splitlines()] if LOG.exists() else []
 
 
 def measured(folder: Path, seed: int, candidates: int, gains: list[float] | None) -> dict[str, Any]:
-    """Errors of all controllers in one truth, mm, and how it was diagnosed.
+    """Return errors of all controllers in one truth, mm, and its diagnosis.
 
     Args:
         folder: for the recording and its studies; what an earlier call left there is taken.
         seed: of the truth.
         candidates: rules that a training tries.
-        gains: of the policy trained on the nominal model, which knows no recording; None: train it here.
+        gains: of the policy trained on the nominal model, without a recording; None: train it here.
     """
     spec = SetSpec(HIDDEN, seed, "functional", RECORDED.name, "rates", "judged")
     known, started = diagnosed(folder, spec), time.process_time()
@@ -199,7 +198,7 @@ def report(done: list[dict[str, Any]], publish: bool) -> None:
 
 
 def _table(result: pages.Result) -> Iterator[str]:
-    """Median and worst error of each controller."""
+    """Return median and worst error of each controller."""
 
     def row(name: str) -> tuple[str, ...]:
         values = result["errors_mm"][name]
@@ -209,7 +208,7 @@ def _table(result: pages.Result) -> Iterator[str]:
 
 
 def _ratio(result: pages.Result) -> Iterator[str]:
-    """How the two trained policies compare in the worst of the truths."""
+    """Yield a comparison of the two trained policies in the worst of the truths."""
     errors, truths = result["errors_mm"], result["truths"]
     pairs = np.array(errors[SECOND]) / np.array(errors[FIRST])
     named = sum(one["verdict"] in ("missing_effect", "ambiguous") for one in truths)
@@ -226,9 +225,9 @@ TABLES: pages.Tables = {"errors": _table, "ratio": _ratio}
 
 
 def diagnosed(folder: Path, spec: SetSpec) -> dict[str, Any]:
-    """What a recording of one finger was found to say: verdict, explanations that are left, the most probable first.
+    """Diagnose a recording of one finger; return the verdict and the credible explanations, the most probable first.
 
-    Their studies, and the one of the model before the recording (`robot.yaml`), are left in the folder.
+    Their studies, and the one of the model before the recording (`robot.yaml`), are written to the folder.
     """
     kept = folder / "found.json"
     if kept.exists():
@@ -246,7 +245,7 @@ def diagnosed(folder: Path, spec: SetSpec) -> dict[str, Any]:
         if probability < CREDIBLE or not kinds or "unknown" in kinds:
             continue
         extension = api.extend(opened, kinds)
-        block = block_of(extension.posterior, extension.scatter).model_dump(mode="json")
+        block = posterior_block(extension.posterior, extension.scatter).model_dump(mode="json")
         effects = [effect.model_dump(mode="json") for effect in extension.effects]
         robot(folder / f"robot_{number}.yaml", opened, effects=effects, posterior=block)
         left.append(Explanation(kinds, probability, f"robot_{number}.yaml"))
@@ -263,7 +262,7 @@ def diagnosed(folder: Path, spec: SetSpec) -> dict[str, Any]:
 
 
 def robot(path: Path, opened: api.OpenStudy, **found: Any) -> Path:
-    """The study of two segments of the finger's modules; JSON is YAML."""
+    """Write the study of two segments of the finger's modules; JSON is YAML."""
     law = opened.study.surrogate
     assert law is not None
     said = {
@@ -281,19 +280,19 @@ def robot(path: Path, opened: api.OpenStudy, **found: Any) -> Path:
 
 
 def environment(study: Path, **settings: Any) -> MeasuredEnv:
-    """The robot of a study on the bench."""
+    """Return the robot of a study on the bench."""
     return MeasuredTrackEnv(study, **SETTINGS, **settings)
 
 
 def robots(folder: Path, one: Explanation, total: float, count: int, seed: int) -> list[Episode]:
-    """Episodes in robots drawn from an explanation, its share of `count`."""
+    """Return episodes in robots drawn from an explanation, its share of `count`."""
     mine = round(count * one.probability / total)
     env = environment(folder / one.study, worlds=mine, world_seed=seed) if mine else None
     return [Episode(env, 100 * seed + k, k) for k in range(mine)] if env is not None else []
 
 
 def circle(model: Nominal, control_s: float) -> Array:
-    """(steps + 1, 3) targets: where the mean robot's tip settles on the way there, then seen from above a circle."""
+    """Return (steps + 1, 3) targets: the mean robot's tip path to the circle, then a circle seen from above."""
     rate = round(1 / control_s)
     centre = model.tip_m(np.array(CENTRE))[:2]
     turns = 2 * np.pi * np.arange(round(TURN_S * rate) + 1) / round(TURN_S * rate)

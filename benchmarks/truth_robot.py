@@ -1,21 +1,21 @@
-"""A truth of the evidence bed as a robot that is driven: the hinges of any planar-jointed chain in MuJoCo.
+"""A truth of the evidence bed as a robot under control: the hinges of any planar-jointed chain in MuJoCo.
 
-Efforts, damping and MuJoCo's step are those of `evidence.mujoco_truth`; here every hinge has a pressure of its own, and
-the motion goes on as somebody commands it, not through a protocol.
+Efforts, damping and MuJoCo's step are those of `evidence.mujoco_truth`; here every hinge has a separate pressure, and
+the motion follows commands instead of a protocol.
 """
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import ROOM_C, Drive, Forms, damping_of, virgin
-from benchmarks.evidence.functional_truth import Bones, bones_of, own
+from benchmarks.evidence.forms import ROOM_C, Drive, Forms, virgin, viscous_torque
+from benchmarks.evidence.functional_truth import Bones, compile_bones, own
 from benchmarks.evidence.mujoco_truth import SLOPE_STEP_RAD, STEP_S, Views, _step, mjcf
 from benchmarks.evidence.skeleton import Skeleton
 from benchmarks.evidence.truths import Truth
 from numba import njit
 
-from pliant.interfaces.physics import Simulation, SimulationState
+from pliant.interfaces.simulation import Simulation, SimulationState
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -24,9 +24,9 @@ from pliant.records.rollout import Equilibrium, Inputs
 SETTLE_S, STILL_RAD_S = 20.0, 1e-4
 
 
-def skeleton_of(chain: ChainModel) -> Skeleton:
-    """The hinges of a chain of revolute joints that hangs along −z, with its masses."""
-    straight = ChainGeometry.of(chain).forward(np.zeros((chain.n_joints, 1)))
+def build_skeleton(chain: ChainModel) -> Skeleton:
+    """Return the hinges of a chain of revolute joints that hangs along −z, with its masses."""
+    straight = ChainGeometry.from_chain(chain).forward(np.zeros((chain.n_joints, 1)))
     bodies = chain.bodies[1:]
     places = straight.origins[1:]
     turns = straight.rotations[1:]
@@ -47,17 +47,17 @@ class TruthSimulation(Simulation):
     """The chain's body with a truth in every joint; inputs are the chain's own, one actuator on each joint."""
 
     def __init__(self, chain: ChainModel, truth: Truth) -> None:
-        self.chain, self._skeleton = chain, skeleton_of(chain)
+        self.chain, self._skeleton = chain, build_skeleton(chain)
         self.model = mujoco.MjModel.from_xml_string(mjcf(self._skeleton, truth.body))
         self.data = mujoco.MjData(self.model)
         self.model.opt.gravity[:] = chain.gravity_m_s2
-        self._bones = bones_of(self._skeleton, truth.body, swings=False)
+        self._bones = compile_bones(self._skeleton, truth.body, swings=False)
         self._dry, self._viscous = truth.forms._replace(viscous=0.0), truth.forms
         self._memory, self._time_s = virgin(chain.n_joints), 0.0
         self._pressures = np.zeros(chain.n_joints)
 
     def apply(self, inputs: Inputs) -> None:
-        acting = [self.chain.actuators[self.chain.drives_of(joint)[0]] for joint in self.chain.joints]
+        acting = [self.chain.actuators[self.chain.actuator_range(joint)[0]] for joint in self.chain.joints]
         self._pressures = np.array([one.sign * inputs.actuation[one.input] for one in acting])
 
     def step(self, duration_s: float) -> None:
@@ -70,7 +70,7 @@ class TruthSimulation(Simulation):
         self._time_s += duration_s
 
     def settle(self) -> Equilibrium:
-        """Waits; what lags takes its time."""
+        """Wait until lagged quantities have settled."""
         self.step(SETTLE_S)
         rate = float(np.abs(self.data.qvel).max())
         q = self.snapshot().position
@@ -104,7 +104,7 @@ def _march(
     f: Forms,
     viscous: Forms,
 ) -> None:
-    """`count` steps; the pressures hold. See `mujoco_truth._advance`."""
+    """Make `count` steps at constant pressures. See `mujoco_truth._advance`."""
     position, velocity, force, stiffness, damping = views
     n = len(position)
     before, new = np.empty(n), memory.copy()
@@ -116,7 +116,7 @@ def _march(
             nearby = own(j, u + SLOPE_STEP_RAD, SLOPE_STEP_RAD, STEP_S, at, memory[j], new[j], bones, f)
             slope = max((value - nearby) / SLOPE_STEP_RAD, 0.0)
             before[j], stiffness[j] = u, slope
-            damping[j] = bones.damping + damping_of(velocity[j], viscous)
+            damping[j] = bones.damping + viscous_torque(velocity[j], viscous)
             force[j] = value + slope * u
         _step(handles[0], handles[1])
         for j in range(n):

@@ -1,4 +1,4 @@
-"""The effect catalogue, docs/reference/effects.md, from the effects themselves; `generate.py` writes it."""
+"""The effect catalogue, docs/reference/effects.md, generated from the effects; `generate.py` writes it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ HEAD = "| parameter | role | neutral | plausible | bounds | prior | meaning |\n|
 
 
 def catalogue(components: Sequence[Component]) -> str:
-    """The page, in the order of the places at which effects act."""
+    """Return the page, in the order of the places at which effects act."""
     order = {place: number for number, place in enumerate(get_args(Place))}
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
@@ -63,7 +63,7 @@ def _origin(effect: type[Effect]) -> str:
 
 
 def facts(component: Component) -> list[str]:
-    """Paragraphs of an effect's page: where it acts, its parameters, what gives it away, how and where it shows."""
+    """Return paragraphs of an effect's page: its place, its parameters, its signature, and the runs that show it."""
     effect: type[Effect] = component.implementation_class()
     notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
     rows = [
@@ -97,8 +97,8 @@ def facts(component: Component) -> list[str]:
 
 
 def _menu(effects: Sequence[tuple[Component, type[Effect]]]) -> list[str]:
-    """What to do in each run of the default menu, and the kinds that name it."""
-    runs = timed_catalogue(BenchScale.of_chain(sample_chain(payload=0.01), PRESSURE_PA))
+    """Return a table of the instructions for each run of the default menu, and of the kinds that name it."""
+    runs = timed_catalogue(BenchScale.from_chain(sample_chain(payload=0.01), PRESSURE_PA))
     rows = [
         f"| `{run.name}` | {run.words} | {run.needs or 'nothing more'} | "
         f"{', '.join(_link(c.kind) for c, e in effects if run.name in e.exciting)} |"

@@ -7,6 +7,7 @@ python docs/generate.py --check  exit with 1 if a page is missing or stale
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib.util
 import inspect
 import re
@@ -18,25 +19,28 @@ from pydantic_core import PydanticUndefined
 
 from pliant.config.chain import ActuatorConfig, BaseConfig, ChainConfig, SegmentConfig
 from pliant.config.measurements import ExcludedSpan, MeasurementsConfig
-from pliant.config.search import (
+from pliant.config.study import nested_model, study_model, written_name
+from pliant.interfaces.base import FrozenModel
+from pliant.registry.component import Component
+from pliant.registry.discovery import Registry, discover
+from pliant.registry.interface import interfaces
+from pliant.units import config_field_unit
+from pliant_search.config import (
     ObjectiveConfig,
     RobustConfig,
     SearchConfig,
     SearchVariableConfig,
     VerifyConfig,
 )
-from pliant.config.study import Study, nested_model, written_name
-from pliant.interfaces.base import FrozenModel
-from pliant.registry.component import INTERFACES, Component
-from pliant.registry.discovery import Registry, discover
-from pliant.tabular.names import WORDS
-from pliant.units import si_unit
+from pliant_tables.names import WORDS
 
 REFERENCE = Path(__file__).parent / "reference"
 MEASUREMENT_FILES = Path(__file__).parent / "measurement_files.md"
-OURS = "pliant "  # packages whose pages live here; others bring their own docs
+OURS = "pliant "  # packages whose pages are here; others have their own docs
+# Interface → further modules with its classes.
+PARTS = {"physics": ("simulation",)}
 STUDY_KEY = {"effect": "effects"}
-# Folders that hold one file per kind; elsewhere a kind has a folder of its own.
+# Folders that contain one file per kind; elsewhere a kind has its own folder.
 PLURALS = ("materials", "tasks", "effects", "families", "surrogates", "optimizers")
 STUDY_BLOCKS: dict[type[FrozenModel], str] = {
     ChainConfig: "chain",
@@ -67,6 +71,7 @@ FIRST_ON_THE_INDEX = [
     "",
     "- [Command line, results, tables](../command_line.md): options, exit codes, JSON keys, CSV columns.",
     "- [Conventions](../conventions.md): frames, signs, units, with a figure.",
+    "- [Glossary](../glossary.md): each term with its meaning, symbol and unit.",
     "- [Formats that others rely on](../formats.md): JSON keys that stay, where each other format is described.",
     "",
     "## Generated from the code",
@@ -75,6 +80,7 @@ FIRST_ON_THE_INDEX = [
     "- [Effect catalogue](effects.md): what a model may lack, what gives it away, the run that shows it.",
     "- [Python](../python.md): the commands as functions, records, what plugins may rely on.",
     "- [Records for plugins](records.md): meshes, problems, states, laws, chains, field by field.",
+    "- [Mechanics of chains](mechanics.md): poses, rotations, efforts, equilibria, for engines.",
     "- [Meshing helpers](meshing.md): lattices, blocks, holes, faces, masses.",
     "- [Units, fields of a component](plugin_basics.md): types of a config's fields, a manifest's entry.",
 ]
@@ -93,7 +99,7 @@ INTERFACE_CLASS = {
 
 
 def _beside(name: str) -> Any:
-    """A script that lies beside this one: `catalogue`, about effects, or `plugin_pages`, what plugins are made with."""
+    """Load a script of this folder: `catalogue`, on effects, or `plugin_pages`, on the building blocks of plugins."""
     spec = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
@@ -103,11 +109,11 @@ def _beside(name: str) -> Any:
 
 
 def pages(registry: Registry) -> dict[Path, str]:
-    """Path → text of every reference page."""
+    """Return path → text of every reference page."""
     made = {REFERENCE / "index.md": _index(registry), REFERENCE / "study.md": _study_page()}
     made[REFERENCE / "effects.md"] = _beside("catalogue").catalogue(_ours(registry, "effect"))
-    made |= _beside("plugin_pages").pages(REFERENCE, _markdown)
-    for interface in INTERFACES:
+    made |= _beside("plugin_pages").pages(REFERENCE, _markdown, _class_text)
+    for interface in interfaces():
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
         for component in _ours(registry, interface):
             made[REFERENCE / interface / f"{component.kind}.md"] = _kind_page(component)
@@ -116,7 +122,7 @@ def pages(registry: Registry) -> dict[Path, str]:
 
 
 def _with_words(page: str) -> str:
-    """The page on measurement files with the words that the reader knows, between its marks."""
+    """Return the page on measurement files with the words that the reader knows, between its marks."""
     rows = ["| column | words |", "|---|---|"]
     for name, words in WORDS.items():
         told = [word.replace("#", "1").replace("@", "x") for word in words]
@@ -126,12 +132,12 @@ def _with_words(page: str) -> str:
 
 
 def _ours(registry: Registry, interface: str) -> list[Component]:
-    return [c for c in registry.of(interface) if c.package.startswith(OURS)]
+    return [c for c in registry.by_interface(interface) if c.package.startswith(OURS)]
 
 
 def _index(registry: Registry) -> str:
     lines = ["# Reference", "", *FIRST_ON_THE_INDEX]
-    for interface in INTERFACES:
+    for interface in interfaces():
         kinds = ", ".join(f"[{c.kind}]({interface}/{c.kind}.md)" for c in _ours(registry, interface))
         lines.append(
             f"- [{INTERFACE_CLASS[interface]}]({interface}/index.md): {kinds or 'no kind ships yet'}"
@@ -140,7 +146,7 @@ def _index(registry: Registry) -> str:
 
 
 def _study_page() -> str:
-    lines = ["# Study file", "", *STUDY_INTRODUCTION, "", *_keys(Study), ""]
+    lines = ["# Study file", "", *STUDY_INTRODUCTION, "", *_keys(study_model({}, discover())), ""]
     for model in STUDY_BLOCKS:
         lines += [
             f"## {STUDY_BLOCKS[model]}",
@@ -155,14 +161,17 @@ def _study_page() -> str:
 
 def _interface_page(interface: str, registry: Registry) -> str:
     name = INTERFACE_CLASS[interface]
-    module = importlib.import_module(f"pliant.interfaces.{interface}")
-    main = getattr(module, name)
+    place = interfaces()[interface].config.partition(":")[0]
+    parts = [f"pliant.interfaces.{part}" for part in PARTS.get(interface, ())]
+    modules = [importlib.import_module(one) for one in (place, *parts)]
+    main = getattr(modules[0], name)
     others = [
         cls
+        for module in modules
         for cls in vars(module).values()
         if inspect.isclass(cls) and cls.__module__ == module.__name__ and cls is not main
     ]
-    lines = [f"# {name}", "", f"`pliant.interfaces.{interface}`", "", *_class_text(main)]
+    lines = [f"# {name}", "", f"`{place}`", "", *_class_text(main)]
     kinds = _ours(registry, interface)
     lines += ["## Kinds that ship", ""]
     lines += [f"- [{c.kind}]({c.kind}.md): {c.summary}" for c in kinds] or ["None yet."]
@@ -175,6 +184,8 @@ def _class_text(cls: type[Any]) -> list[str]:
     lines = [_markdown(inspect.getdoc(cls) or ""), ""]
     if issubclass(cls, FrozenModel):
         return lines + ([*_keys(cls), ""] if len(cls.model_fields) > 1 else [])
+    if dataclasses.is_dataclass(cls) and dataclasses.fields(cls):
+        lines += [*_beside("plugin_pages").fields(cls), ""]
     for method, function in vars(cls).items():
         wanted = inspect.isfunction(function) or isinstance(function, property)
         if wanted and not method.startswith("_"):
@@ -192,7 +203,7 @@ def _method(name: str, function: Any) -> list[str]:
 
 
 def _markdown(docstring: str) -> str:
-    """Google-style sections and formulas keep their layout as quoted blocks."""
+    """Return a docstring in Markdown; Google-style sections and formulas keep their layout as quoted blocks."""
     lines, block = [], False
     for line in docstring.splitlines():
         indented = line.startswith("    ")
@@ -222,6 +233,7 @@ def _kind_page(component: Component) -> str:
         "",
         *_docstrings(component.implementation),
         *_see_catalogue(component),
+        *_presets(component),
         f"Check it: `pliant check {component.interface} {component.kind}`. "
         f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
     ]
@@ -229,17 +241,50 @@ def _kind_page(component: Component) -> str:
 
 
 def _when(component: Component) -> list[str]:
-    """What an optimizer is good for, which stands with its config: the implementation may need a heavy library."""
+    """Return the use of an optimizer, from its config's docstring: the implementation may need a heavy library."""
     if component.interface != "optimizer":
         return []
     return [_markdown(inspect.getdoc(component.config_model()) or ""), ""]
 
 
 def _usage(component: Component) -> list[str]:
-    """The block in a study; a viewer is an option of two verbs instead."""
+    """Return the block in a study; a viewer is an option of two verbs instead."""
     if component.interface == "viewer":
         return [f"`pliant render STUDY.yaml --viewer {component.kind}`", ""]
     return ["```yaml", *_example(component), "```", ""]
+
+
+def _presets(component: Component) -> list[str]:
+    """Return a table of the rubbers that a kind of material knows by name."""
+    presets = component.implementation_class().presets() if component.interface == "material" else ()
+    if not presets:
+        return []
+    rows = [
+        "## Known by name",
+        "",
+        "Stresses in kPa. The modulus is that of the block; behind it what sources give. "
+        "Densities and hardness are quoted from makers and were not compared with their data sheets; "
+        "measure your batch.",
+        "",
+        "| name | law, incompressible | shear modulus | density kg/m³ | Shore | stretch | source |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for one in presets:
+        spread = f" ({one.range_pa[0] / 1e3:g} to {one.range_pa[1] / 1e3:g})" if one.range_pa else ""
+        modulus = f"{one.shear_modulus_pa / 1e3:.4g}{spread}"
+        low, high = one.stretch
+        law = one.law.replace(" kPa", "").replace("_", " ")
+        cells = (
+            one.name,
+            law,
+            modulus,
+            f"{one.config.density_kg_m3:g}",
+            one.hardness,
+            f"{low:g} to {high:g}",
+            one.source,
+        )
+        rows.append(f"| {' | '.join(cells)} |")
+    return [*rows, ""]
 
 
 def _see_catalogue(component: Component) -> list[str]:
@@ -252,7 +297,7 @@ def _see_catalogue(component: Component) -> list[str]:
 
 
 def _inner(model: type[FrozenModel]) -> list[str]:
-    """The keys of the blocks inside a kind's block, such as `coefficients`."""
+    """Return the keys of the blocks inside a kind's block, such as `coefficients`."""
     lines = []
     for name, field in model.model_fields.items():
         inner = nested_model(field.annotation)
@@ -298,15 +343,19 @@ def _keys(model: type[FrozenModel]) -> list[str]:
     for name, field in model.model_fields.items():
         if name == "kind":
             continue
-        unit = si_unit(name)
         written = written_name(model, name)
-        unit = unit if written != name else ""
         default = (
             "required"
             if field.default is PydanticUndefined and field.is_required()
             else f"`{_default(field)}`"
         )
-        cells = (f"`{written}`", unit, default, _limits(field), field.description or "")
+        cells = (
+            f"`{written}`",
+            config_field_unit(model, name),
+            default,
+            _limits(field),
+            field.description or "",
+        )
         rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return rows if len(rows) > 2 else ["It has no keys but `kind`."]
 
@@ -334,7 +383,7 @@ def _limits(field: Any) -> str:
 
 
 def _docstrings(reference: str) -> list[str]:
-    """Docstrings of the class and of its package's files, read without importing: an engine may be missing."""
+    """Return docstrings of the class and of its package's files, read without importing: an engine may be missing."""
     module, _, name = reference.partition(":")
     spec = importlib.util.find_spec(module)
     assert spec is not None

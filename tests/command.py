@@ -11,19 +11,19 @@ from pliant.cli.verbs import app
 
 @dataclass
 class Call:
-    """What one call printed and returned."""
+    """The output and the exit code of one call."""
 
     code: int
     out: str
     err: str
 
     def done(self, code: int = 0) -> Call:
-        """The call itself, which ended so."""
+        """Check the exit code and return the call itself."""
         assert self.code == code, self.err
         return self
 
     def refused(self, *words: str) -> Call:
-        """It ended with 2 and one or two sentences on standard error that hold the words."""
+        """Check that the call ended with 2 and one or two sentences on standard error that contain the words."""
         said = " ".join(self.err.split())
         assert self.code == 2, said
         assert "error: " in said and "Traceback" not in said and said.count(". ") <= 3, said

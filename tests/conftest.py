@@ -1,4 +1,4 @@
-"""Settings of all tests, and FEM states for those that need some but do not test the FEM."""
+"""Settings of all tests, and FEM states for tests that need some but do not test the FEM."""
 
 import csv
 import gc
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from tests.pixels import as_needed
 
-# The same examples on every machine and no clock: a loaded machine must not fail a test.
+# Derandomised examples without a deadline: a loaded machine must not fail a test.
 settings.register_profile(
     "pliant", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -19,16 +19,16 @@ settings.load_profile("pliant")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, before these are taken out of the fast suite, since their fast ones take long too.
+    """Run files with slow tests first, before the fast suite drops these, since their other tests take long too.
 
-    Of two workers none is left alone with them at the end.
+    This keeps two workers evenly loaded at the end.
     """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
 
 def pytest_collection_finish() -> None:
-    """Garbage is collected less often, and never among what is loaded by now: it took a tenth of the suite's time."""
+    """Collect garbage less often and never among objects already loaded, which took a tenth of the suite's time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(2000, 20, 50)
@@ -36,14 +36,14 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """With its fixtures, those of its module too."""
+    """Run a test including its fixtures and those of its module."""
     with as_needed(item):
         return (yield)
 
 
 @pytest.fixture(scope="session")
 def fem_states() -> list[dict[str, float]]:
-    """Solved states of the first finger's module, SI; `solve_fem_states.py` writes them."""
+    """Return solved states of the first finger's module, SI; `solve_fem_states.py` writes them."""
     table = Path(__file__).parent / "data" / "fem_states.csv"
     with table.open(encoding="utf-8", newline="") as file:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
@@ -51,6 +51,6 @@ def fem_states() -> list[dict[str, float]]:
 
 @pytest.fixture(scope="session")
 def shared_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One store for tests that fit the same meta-model, whichever worker runs them: it is fitted once."""
+    """Return one store for tests that fit the same meta-model, so that all workers together fit it once."""
     place = tmp_path_factory.getbasetemp()
     return (place.parent if "PYTEST_XDIST_WORKER" in os.environ else place) / "shared_store"

@@ -1,4 +1,4 @@
-"""How large the errors of drawn laws are, in units of the error bar that they were drawn by."""
+"""The errors of drawn laws relative to the error bar from which they were drawn."""
 
 from collections.abc import Sequence
 from statistics import NormalDist
@@ -11,9 +11,9 @@ from pliant.records.law import JointLaw
 
 
 def require_errors_as_the_bar(law: JointLaw, drawn: Sequence[JointLaw], nodes: int = 9) -> None:
-    """Errors over the band of one standard deviation have a mean square of 1 over the box.
+    """Check that errors over the band of one standard deviation have a mean square of 1 over the box.
 
-    One draw tells a variance to √2 of it or better.
+    One draw estimates a variance to √2 of it or better.
     """
     x, v = (axis.ravel() for axis in np.meshgrid(chebpts1(nodes), chebpts1(nodes)))
     (p_low, p_high), (u_low, u_high) = law.domain.actuation, law.domain.deformation[0]

@@ -1,4 +1,4 @@
-"""Pictures without pixels: in the fast suite those of other rooms than the pictures' own are laid out, not drawn."""
+"""Pictures without pixels: in the fast suite only the tests of the pictures draw them, others lay them out."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-# Rooms that look at pictures, and the marks of the fast suite.
-ROOMS, FAST = ("report", "counts", "viewing"), "not slow"
+# Folders of tests that inspect pictures, and the marks of the fast suite.
+ROOMS, FAST = ("report", "counts", "pliant_view"), "not slow"
 
 
 @contextmanager
 def as_needed(item: pytest.Item) -> Iterator[None]:
-    """Empty pictures while a test runs that is not about them; all pictures are drawn where slow tests run too."""
+    """Replace pictures by empty ones in tests that do not inspect them; where slow tests run too, draw all."""
     room = item.path.relative_to(item.config.rootpath).parts[1]
     if room in ROOMS or item.get_closest_marker("pixels") or item.config.option.markexpr != FAST:
         yield
@@ -33,7 +33,7 @@ def as_needed(item: pytest.Item) -> Iterator[None]:
 
 
 def _empty() -> Any:
-    """One white pixel as PNG bytes."""
+    """Return one white pixel as PNG bytes."""
     buffer = io.BytesIO()
     Image.new("RGB", (1, 1), "white").save(buffer, format="PNG")
     return np.frombuffer(buffer.getvalue(), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Which of a test's parameters are slow."""
+"""Mark slow parameters of a test."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 def slow_among(values: Iterable[Any], *slow: Any) -> list[Any]:
-    """All values; those that are named run in the slow suite only, where the others stand for them in the fast one.
+    """Return all values; the named ones run in the slow suite only, where the others represent them in the fast one.
 
     Raises:
         ValueError: a slow one is not among the values.

@@ -1,4 +1,4 @@
-"""Solves the FEM states that tests of other rooms take from `data/fem_states.csv`: python tests/solve_fem_states.py
+"""Solve the FEM states that other tests read from `data/fem_states.csv`: python tests/solve_fem_states.py
 
 Modules of the first finger with three walls, vented and under pressure, held at one angle. `tests/fem` solves one of
 them again and compares.
@@ -21,7 +21,7 @@ RESULTS = ("moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
 
 
 def solved(wall_m: float, pressures_pa: tuple[float, ...] = PRESSURES_PA) -> list[FemState]:
-    """The states of a module with this wall."""
+    """Return the states of a module with this wall."""
     lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": wall_m, "module_length": 11e-3}
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
     rubber = NeoHookean(NeoHookeanConfig(shear_modulus_pa=240e3, poisson_ratio=0.49))

@@ -1,8 +1,8 @@
-"""What a bench writes down wrongly: payloads unlike their label, clocks that disagree, a study's gravity.
+"""Errors of a bench's records: payloads that differ from their label, unsynchronised clocks, the study's gravity.
 
-A protocol is what stands in the file. `done` returns what was done: the runs that the truth follows. The clock is that
-of the readings; the inputs (drive, load, valve) were logged by another one, so that a reading at t belongs to the
-inputs that stand at t − late(t). Inputs are straight lines between samples and are shifted as such: the truth follows
+A protocol is the content of the file. `done` returns the runs that were performed and that the truth follows. The clock
+is that of the readings; the inputs (drive, load, valve) were logged with another one, so that a reading at t belongs to
+the inputs recorded at t − late(t). Inputs are straight lines between samples and are shifted as such: the truth follows
 them on a finer clock, and the samples of the file are kept.
 """
 
@@ -20,11 +20,11 @@ Vector = tuple[float, float, float]
 FINE_S = 0.04
 # Runs are late by unlike amounts: the cosine of the run's number in golden angles.
 GOLDEN_RAD = 2.399963
-# What the bench wrote down wrongly: the effects that say so, and the findings about the record that do.
+# Errors of the bench's records: the effects and the findings about the record that name them.
 MISTAKES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "wrong_payload": (("payload_error",), ("payload",)),
     "wrong_clock": (("clock_offset", "clock_drift"), ("clock",)),
-    "wrong_gravity": ((), ("gravity", "orientation")),
+    "wrong_gravity": (("gravity_error",), ("gravity", "orientation")),
 }
 # They are as large as they are: a planet's gravity is not scaled.
 UNSCALED = ("wrong_gravity",)
@@ -34,16 +34,16 @@ LOADED_RUNS = 16
 
 @dataclass(frozen=True)
 class BenchError:
-    """The defaults are a bench without errors.
+    """Errors of a bench; the defaults are a bench without errors.
 
     Attributes:
-        label_factor: by how much every payload is heavier than its label, over the label.
-        label_hook: what hangs on every loaded run beside the payload, over the largest label.
-        label_run: number of the loaded run, from 1, whose payload is off; label_run_off: by how much, over its label.
-        label_level: by how much all payloads of the largest label are off, over it.
-        clock_late_s: by how much the readings are late after the inputs.
-        clock_drift: by how much more per second of a run; clock_session: per second of the session.
-        clock_jitter: by how much one run is later than another, over `clock_late_s`.
+        label_factor: relative excess of every payload over its label.
+        label_hook: additional mass on every loaded run, over the largest label.
+        label_run: number of the loaded run, from 1, whose payload is wrong; label_run_off: its error, over its label.
+        label_level: error of all payloads of the largest label, over it.
+        clock_late_s: delay of the readings relative to the inputs.
+        clock_drift: growth of the delay per second of a run; clock_session: per second of the session.
+        clock_jitter: variation of the delay between runs, over `clock_late_s`.
     """
 
     label_factor: float = 0.0
@@ -58,7 +58,7 @@ class BenchError:
 
 
 def done(runs: Protocol, error: BenchError) -> Protocol:
-    """The runs as they were done, of those that are written down."""
+    """Return the runs as performed, from those that are recorded."""
     if error == BenchError():
         return runs
     return _shifted(_hung(runs, error), error)
@@ -88,7 +88,7 @@ def _shifted(runs: Protocol, error: BenchError) -> Protocol:
 
 
 def _late(run: Run, late_s: float, drift: float) -> Run:
-    """The run with inputs that came later than they are written down."""
+    """Return the run with inputs that are delayed relative to their record."""
     spans = np.diff(run.time_s)
     parts = np.maximum(1, np.rint(spans / FINE_S).astype(int))
     fine = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(run.time_s, run.time_s[1:], parts, strict=False)]
@@ -130,7 +130,7 @@ def _wrong_gravity(s: float, v: Any) -> dict[str, float]:
 
 
 def gravities(v: Any) -> tuple[Vector, Vector]:
-    """Gravity as it is and as the study has it, m/s²."""
+    """Return the true gravity and the study's gravity, m/s²."""
 
     def inclined(angle: float) -> Vector:
         across = GRAVITY_M_S2 * np.sin(angle)

@@ -21,12 +21,12 @@ LAW_EDGES = (0.003, 0.006, 0.012, 0.03)
 RELIABILITY_BINS = 10
 # An answer that is stated so probable is certain to its reader.
 CERTAIN = 0.99
-# Groups with tables of their own.
+# Groups with separate tables.
 OTHERS = ("missed", "interval", "payload", "clock", "gravity")
 
 
 def wilson(right: int, n: int, z: float = Z_95) -> tuple[float, float]:
-    """Wilson's interval of a share (J. Am. Stat. Assoc. 22, 1927); (0, 1) where nothing was tried."""
+    """Return Wilson's interval of a share (J. Am. Stat. Assoc. 22, 1927); (0, 1) without trials."""
     if n == 0:
         return 0.0, 1.0
     share, z2 = right / n, z * z
@@ -36,7 +36,7 @@ def wilson(right: int, n: int, z: float = Z_95) -> tuple[float, float]:
 
 
 def share(items: Iterable[Judged], of: Callable[[Judged], Any] = attrgetter("is_right")) -> dict[str, Any]:
-    """{right, n, share, low, high} of those for which `of` holds; share is None where there is none."""
+    """Return {right, n, share, low, high} of items with a true `of`; share=None without items."""
     flags = [bool(of(item)) for item in items]
     right, n = sum(flags), len(flags)
     low, high = wilson(right, n)
@@ -46,14 +46,14 @@ def share(items: Iterable[Judged], of: Callable[[Judged], Any] = attrgetter("is_
 def banded(
     items: Sequence[Judged], value: Callable[[Judged], float | None], edges: Sequence[float]
 ) -> Iterator[tuple[float, float, list[Judged]]]:
-    """(low, high, items) of each band; the last one includes its upper edge."""
+    """Yield (low, high, items) of each band; the last one includes its upper edge."""
     known = [(x, item) for item in items if (x := value(item)) is not None]
     for low, high in itertools.pairwise(edges):
         yield low, high, [item for x, item in known if low <= x < high or x == high == edges[-1]]
 
 
 def summary(items: Sequence[Judged]) -> dict[str, Any]:
-    """All tables as plain data: the content of benchmarks/out/evidence.json."""
+    """Return all tables as plain data: the content of benchmarks/out/evidence.json."""
     asked = [item for item in items if item.mode == "diagnose"]
     of = {name: [i for i in asked if i.group == name] for name in sorted({item.group for item in asked})}
     effects, pairs, weak = ([i for i in of.get(name, []) if i.excited] for name in ("effect", "pair", "weak"))
@@ -110,27 +110,27 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
     }
 
 
-def of_all_beds(*beds: Sequence[Judged]) -> dict[str, Any]:
-    """What is asked of all answers together, whatever the law: stated against observed, and those that are certain."""
+def overall_tables(*beds: Sequence[Judged]) -> dict[str, Any]:
+    """Return tables over all answers, whatever the law: calibration of stated probabilities, and certain answers."""
     asked = [item for items in beds for item in items if item.mode == "diagnose"]
     return {"calibration": reliability([i for i in asked if i.excited]), "certain": certain(asked)}
 
 
 def splittable(items: Sequence[Judged]) -> dict[str, Any]:
-    """Of sets with effects: the share whose class could be split, and of that share the strictly right ones."""
+    """Return, for sets with effects, the share whose class is separable, and the strictly right ones among these."""
     known = [item for item in items if item.separable is not None]
     could = [item for item in known if item.separable]
     return {"could": share(known, attrgetter("separable")), "strictly": share(could)}
 
 
 def certain(items: Iterable[Judged]) -> dict[str, Any]:
-    """Of answers that are stated at 99 % or more: the share that is right by class."""
+    """Return the share that is right by class of answers stated at 99 % or more."""
     stated = [i for i in items if i.top_probability is not None and i.top_probability >= CERTAIN]
     return share(stated, attrgetter("by_class"))
 
 
 def covered(items: Iterable[Judged]) -> dict[str, Any]:
-    """How many stated 90 % intervals hold the value that was hidden, all and parameter by parameter."""
+    """Return the coverage of the hidden values by the stated 90 % intervals, overall and by parameter."""
     named: dict[str, list[tuple[bool, float]]] = {}
     for item in items:
         for name, held, off in item.intervals:
@@ -148,7 +148,7 @@ def _coverage(rows: Sequence[tuple[bool, float]]) -> dict[str, Any]:
 
 
 def each(of: Callable[[list[Judged]], Any], items: Iterable[Judged], attribute: str) -> dict[str, Any]:
-    """A figure of the answers by the values of one of their attributes."""
+    """Return a figure of the answers by the values of one of their attributes."""
     return {name: of(rows) for name, rows in _grouped(items, attribute).items()}
 
 
@@ -160,7 +160,7 @@ def _grouped(items: Iterable[Judged], attribute: str) -> dict[str, list[Judged]]
 
 
 def both(items: Sequence[Judged]) -> dict[str, Any]:
-    """The strict share, and beside it `by_class` and `wrong_kind`."""
+    """Return the strict share, with `by_class` and `wrong_kind`."""
     return {**share(items), **{name: share(items, attrgetter(name)) for name in ("by_class", "wrong_kind")}}
 
 
@@ -180,7 +180,7 @@ def _quick(items: Sequence[Judged]) -> dict[str, Any]:
 
 
 def _poor(items: Sequence[Judged]) -> dict[str, Any]:
-    """First hypotheses that are true, beside the choices of the scorer with the true forms, on the same sets."""
+    """Compare true first hypotheses with the choices of the scorer with the true forms, on the same sets."""
     compared = [item for item in items if item.oracle_right is not None and item.top_right is not None]
     mine, theirs = (share(compared, attrgetter(name)) for name in ("top_right", "oracle_right"))
     ratio = mine["right"] / theirs["right"] if theirs["right"] else None
@@ -198,7 +198,7 @@ def _plan(items: Sequence[Judged]) -> dict[str, Any]:
 
 
 def _answers(rows: Sequence[Judged]) -> dict[str, int]:
-    """How often each answer was given."""
+    """Return the count of each answer."""
     return dict(Counter(item.answer for item in rows))
 
 
@@ -217,7 +217,7 @@ def _credible(items: Sequence[Judged]) -> dict[str, Any]:
 
 
 def reliability(items: Sequence[Judged], bins: int = RELIABILITY_BINS) -> dict[str, Any]:
-    """Stated probability of the first hypothesis against the share of them that are true, in bins of equal width.
+    """Return the stated probability of first hypotheses and the share of true ones, in bins of equal width.
 
     `error` is the mean gap |stated − true|, weighted by the answers of each bin: the expected calibration error
     (Naeini et al., AAAI 2015). `brier` is the mean of (stated − true)² (Brier 1950).

@@ -1,4 +1,4 @@
-"""How the bench asks: `pliant diagnose` and `pliant improve`, with a study and CSVs and nothing else."""
+"""Calls of the diagnosis by the bench: `pliant diagnose` and `pliant improve`, with only a study and CSVs."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ DEFAULT = "benchmarks.evidence.diagnosers"
 
 
 def diagnose(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
-    """The JSON of `pliant diagnose STUDY --data CSV …`; it seeds itself."""
-    return _command("diagnose", study, data)
+    """Return the JSON of `pliant diagnose STUDY --data CSV … --no-page`; it seeds itself."""
+    return _command("diagnose", study, data, "--no-page")
 
 
 def improve(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
-    """The JSON of `pliant improve STUDY --data CSV …`; it seeds itself."""
+    """Return the JSON of `pliant improve STUDY --data CSV …`, which seeds itself."""
     with tempfile.TemporaryDirectory() as folder:
         return _command("improve", study, data, "--out", str(Path(folder) / "improved.yaml"))
 
 
 def load(module: str, verb: str) -> Diagnoser:
-    """The function `verb` of a module.
+    """Return the function `verb` of a module.
 
     Raises:
-        AttributeError, ImportError: there is none.
+        AttributeError, ImportError: it does not exist.
     """
     return getattr(importlib.import_module(module), verb)
 
 
 def _command(verb: str, study: str, data: Sequence[str], *more: str) -> dict[str, Any]:
-    """One command in this process, which stays warm from set to set.
+    """Run one command in this process, which stays warm from set to set.
 
     Raises:
         RuntimeError: it ended without a result.

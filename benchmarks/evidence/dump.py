@@ -1,4 +1,4 @@
-"""Write sets with open labels, for whoever tunes the diagnosis: on the calibration split, never on what is judged.
+"""Write sets with open labels for tuning the diagnosis: of the calibration split, never of judged sets.
 
     python -m benchmarks.evidence.dump --split calibration --group pair --count 40 --out FOLDER
     python -m benchmarks.evidence.dump --bed law_off --group clean --count 4 --out FOLDER
@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.evidence.sets import make_set
-from benchmarks.evidence.tasks import BEDS, GROUPS, Task, tasks_of
-from benchmarks.output import parser_of
+from benchmarks.evidence.tasks import BEDS, GROUPS, Task, group_tasks
+from benchmarks.output import make_parser
 
 from pliant.store.store import write_atomically
 
@@ -41,14 +41,14 @@ def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--group", choices=GROUPS, required=True)
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--split", choices=("calibration", "judged"), default="calibration")
     parser.add_argument("--bed", choices=BEDS, default="exact", help="laws that are exact, or off in shape")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
-    for line in dump(tasks_of(given.group, given.count, given.split, given.bed), given.out):
+    for line in dump(group_tasks(given.group, given.count, given.split, given.bed), given.out):
         print(line, flush=True)
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, damping_of, effort, healed, with_wrap, wraps
+from benchmarks.evidence.forms import Drive, Forms, effort, healed, viscous_torque, with_wrap, wraps
 from benchmarks.evidence.functional_truth import (
     Bones,
     Inputs,
-    bones_of,
-    cycles_of,
+    compile_bones,
+    cycle_increment,
     driven,
     followed,
     ramped,
@@ -45,9 +45,9 @@ def _advance(
     f: Forms,
     viscous: Forms,
 ) -> None:
-    """One step of `state`: angle, velocity, and its rate but for the damping, which is implicit."""
+    """Advance `state` by a step: angle, velocity, and its rate without the damping, which is implicit."""
     moments, slopes, at = np.empty(1), np.empty((1, 1)), np.empty(1)
-    damping = bones.damping + damping_of(state[1], viscous)
+    damping = bones.damping + viscous_torque(state[1], viscous)
     state[1] = (state[1] + 0.5 * dt * state[2]) / (1.0 + 0.5 * dt * damping / bones.inertia[0])
     step = dt * state[1]
     state[0] += step
@@ -65,7 +65,7 @@ def _advance(
 def _follow(
     inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms, viscous: Forms
 ) -> tuple[Array, float]:
-    """One run from rest: (t, 1) angles and the cycles that the specimen has done after it."""
+    """Simulate one run from rest: (t, 1) angles and the specimen's number of cycles after it."""
     count = len(inputs.pressure)
     new, state = memory.copy(), np.zeros(3)
     ramp = round(RAMP_S / STEP_S)
@@ -73,7 +73,7 @@ def _follow(
         share = min(1.0, (k + 1) / ramp)
         drive = ramped(inputs, share, cycles)
         _advance(state, STEP_S, drive, share, inputs.gravity, bones, memory, new, f, viscous)
-        if k >= ramp:  # it comes to rest at once, without ringing into the run
+        if k >= ramp:  # it stops immediately, without ringing into the run
             state[1] *= 0.99
     healed(memory)
     supply = resting(inputs)
@@ -84,7 +84,7 @@ def _follow(
         parts = max(1, round(span / STEP_S))
         dt = span / parts
         for k in range(1, parts + 1):
-            cycles += cycles_of(inputs, i, parts)
+            cycles += cycle_increment(inputs, i, parts)
             drive = driven(inputs, i, k / parts, 0.0, dt, supply, cycles, f)
             _advance(state, dt, drive, 1.0, inputs.gravity, bones, memory, new, f, viscous)
         angles[i, 0] = state[0]
@@ -92,14 +92,14 @@ def _follow(
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, 1) joint angles of every run, in order.
+    """Return (t, 1) joint angles of every run, in order.
 
     Raises:
         ValueError: a chain; its modes are too fast for explicit steps.
         RuntimeError: the motion is not finite.
     """
     bones = {
-        kg: bones_of(skeleton(robot, truth.body, kg), truth.body, swings=True)
+        kg: compile_bones(skeleton(robot, truth.body, kg), truth.body, swings=True)
         for kg in {run.payload_kg for run in protocol}
     }
     if robot.modules != 1:
@@ -107,7 +107,7 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
 
     dry = truth.forms._replace(viscous=0.0)
 
-    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+    def simulate_run(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
         return *_follow(inputs, bones[inputs.payload], memory, cycles, dry, truth.forms), True
 
-    return followed(protocol, truth, 1, run_of)
+    return followed(protocol, truth, 1, simulate_run)

@@ -1,9 +1,9 @@
-"""What a joint of the truth does: functional forms unlike those of the candidates, as compiled scalar code.
+"""Behaviour of a joint of the truth: functional forms other than those of the candidates, as compiled scalar code.
 
 The candidates (plugins/pliant_plugins/effects) have another form for every kind but `inertia`. Which of these forms
 are in calibration sets and which in judged ones is the table of `form_table.py`; numbers named `…_shape` choose one.
 
-Nothing is cached on disk: numba's cache of one file does not see that another file has changed.
+There is no disk cache: numba's cache of one file does not detect changes of other files.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from pliant_plugins.physics.compiled import discard_stale
 TYPICAL_ANGLE_RAD = 0.36
 ROOM_C = 22.0
 # Memory of one joint: three Maxwell branches, three friction elements, the largest past angles on either
-# side, the tendon's direction, the set that has come so far.
+# side, the tendon's direction, the permanent set so far.
 MAXWELL, FRICTION, LARGEST, LEAST, TENDON, SET, N_MEMORY = 0, 3, 6, 7, 8, 9, 10
-ZERO = 1e-300  # strengths below this are none
+ZERO = 1e-300  # strengths below this count as zero
 # How something changes along 0 to 1: evenly, from half way on, with the square, or soon and then no more.
 LINEAR, KINK, SQUARE, SATURATING = 0.0, 1.0, 2.0, 3.0
 SOFTPLUS, ROOT, PARABOLA = 0.0, 1.0, 2.0
@@ -39,7 +39,7 @@ TYPICAL_RATE, STRIBECK_RATE, LEAST_RATE = 0.3, 0.03, 1e-3
 
 
 class Drive(NamedTuple):
-    """What acts on a joint at one instant.
+    """The drive of a joint at one instant.
 
     `pressure_pa` in the chamber, `time_s` since the run began, `clock_s` since the session did, `cycles` done by the
     specimen so far, `wrap_rad` of the tendon up to the joint.
@@ -57,7 +57,7 @@ class Drive(NamedTuple):
 
 @njit(cache=True)
 def with_wrap(d: Drive, wrap: float) -> Drive:
-    """The drive of a joint further along the tendon."""
+    """Return the drive of a joint further along the tendon."""
     return Drive(
         d.pressure_pa, d.pressure_rate, d.temperature_c, d.moment_n_m, d.time_s, d.clock_s, d.cycles, wrap
     )
@@ -71,7 +71,7 @@ class Forms(NamedTuple):
     actuation_phase: float = 0.0
     elastic_error: float = 0.0
     elastic_phase: float = 0.0
-    # the same, any shape: spline coefficients on the grid, N·m; without rows there is none
+    # the same, any shape: spline coefficients on the grid, N·m; no rows for no error
     law: Array = np.zeros((0, 0))
     # the kinds
     stiffness: float = 0.0
@@ -173,13 +173,13 @@ class Forms(NamedTuple):
 
 @njit(cache=True)
 def softplus(x: float) -> float:
-    """log(1 + e^x) without overflow."""
+    """Return log(1 + e^x) without overflow."""
     return x if x > 30.0 else math.log1p(math.exp(x))
 
 
 @njit(cache=True)
 def along(shape: float, x: float) -> float:
-    """How far a change has come at x of 0 to 1."""
+    """Return the progress of a change at x of 0 to 1."""
     if shape == KINK:
         return max(0.0, 2.0 * x - 1.0)
     if shape == SQUARE:
@@ -189,7 +189,7 @@ def along(shape: float, x: float) -> float:
 
 @njit(cache=True)
 def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, f: Forms) -> float:
-    """The pressure in the chamber after dt; `supply` (3,), both stages and a rate, is advanced.
+    """Return the pressure in the chamber after dt; advance `supply` (3,), both stages and a rate.
 
     `middle` and `end` are the commanded pressure half way and at the end of the step. A closed valve keeps what there
     is, but for the leak. The first stage is filled through an orifice and vented through a smaller one, the second
@@ -217,7 +217,7 @@ def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, 
 
 @njit(cache=True)
 def oscillating(supply: Array, level: float, dt: float, time: float, damping: float) -> None:
-    """Pressure and its rate after dt: exactly p''/ω² + time p' + p = level, with damping ζ < 1 and ω = 2 ζ / time."""
+    """Advance pressure and its rate by dt: exactly p''/ω² + time p' + p = level, with damping ζ < 1, ω = 2 ζ / time."""
     omega = 2.0 * damping / time
     decay, ringing = damping * omega, omega * math.sqrt(1.0 - damping * damping)
     gap, rate = supply[1] - level, supply[2]
@@ -229,11 +229,11 @@ def oscillating(supply: Array, level: float, dt: float, time: float, damping: fl
 
 @njit(cache=True)
 def through_orifice(gap: float, dt: float, time: float, linear: float) -> float:
-    """What is left after dt of a difference of pressures, Pa: the exact solution of
+    """Return a difference of pressures after dt, Pa: the exact solution of
 
     d(gap)/dt = −sign(gap) √(|gap| p_s) / time,     below `linear` −gap √(p_s / linear) / time,
 
-    turbulent through a hole and laminar where little flows. Without the laminar range p_s is gone after 2 time.
+    turbulent through a hole and laminar at low flow. Without the laminar range p_s vanishes after 2 time.
     """
     left, rate = abs(gap), math.sqrt(PRESSURE_MAX_PA) / time
     if left > linear:
@@ -246,7 +246,7 @@ def through_orifice(gap: float, dt: float, time: float, linear: float) -> float:
 
 @njit(cache=True)
 def outflow(pressure: float, f: Forms) -> float:
-    """What a chamber loses, Pa/s."""
+    """Return the leakage of a chamber, Pa/s."""
     if f.leak_1_s <= 0.0 or pressure <= 0.0:
         return 0.0
     share = pressure / PRESSURE_MAX_PA
@@ -256,7 +256,7 @@ def outflow(pressure: float, f: Forms) -> float:
 
 @njit(cache=True)
 def acting(pressure: float, f: Forms) -> float:
-    """The pressure that acts, of the pressure in the tube."""
+    """Return the acting pressure from the pressure in the tube."""
     p = pressure + f.offset_pa * (1.0 - f.offset_fading * along(f.offset_shape, pressure / PRESSURE_MAX_PA))
     if f.dead_pa > 0.0:
         p = beyond(p - f.dead_pa, f) - beyond(-f.dead_pa, f)
@@ -265,7 +265,7 @@ def acting(pressure: float, f: Forms) -> float:
 
 @njit(cache=True)
 def beyond(excess: float, f: Forms) -> float:
-    """What of a pressure beyond its dead zone acts, with a round corner."""
+    """Return the acting part of a pressure beyond its dead zone, with a rounded corner."""
     w = f.dead_width * f.dead_pa
     if f.dead_shape == ROOT:
         return 0.5 * (excess + math.sqrt(excess * excess + w * w))
@@ -276,14 +276,14 @@ def beyond(excess: float, f: Forms) -> float:
 
 @njit(cache=True)
 def relaxed(q: float, step: float, dt: float, time: float) -> float:
-    """A Maxwell branch's stretch after a straight step: the exact solution of q' = u' − q/T."""
+    """Return a Maxwell branch's stretch after a straight step: the exact solution of q' = u' − q/T."""
     x = dt / time
     return q * math.exp(-x) - step * math.expm1(-x) / x
 
 
 @njit(cache=True)
 def bouc_wen(z: float, step: float) -> float:
-    """The hysteretic variable in [−1, 1] after a step of widths: dz/du = 1 − z² while loading, 1 while unloading."""
+    """Return hysteretic variable in [−1, 1] after a step of widths: dz/du = 1 − z² while loading, 1 while unloading."""
     way = 1.0 if step >= 0.0 else -1.0
     z, step = way * z, way * step
     if z < 0.0:
@@ -296,14 +296,14 @@ def bouc_wen(z: float, step: float) -> float:
 
 @njit(cache=True)
 def dahl(z: float, step: float) -> float:
-    """The bristles in [−1, 1] after a step of widths: dz/du = 1 − z sign(du) (Dahl 1968), exactly."""
+    """Return the bristles in [−1, 1] after a step of widths: dz/du = 1 − z sign(du) (Dahl 1968), exactly."""
     way = 1.0 if step >= 0.0 else -1.0
     return way - (way - z) * math.exp(-abs(step))
 
 
 @njit(cache=True)
 def rubbing(old: Array, new: Array, step: float, dt: float, f: Forms) -> float:
-    """Friction in shares of its limit; writes the elements' memory."""
+    """Return the friction in shares of its limit; write the elements' memory."""
     width = f.friction_width
     if f.friction_shape == BOUC_WEN:
         new[FRICTION] = bouc_wen(old[FRICTION], step / width)
@@ -325,8 +325,8 @@ def rubbing(old: Array, new: Array, step: float, dt: float, f: Forms) -> float:
 
 
 @njit(cache=True)
-def damping_of(rate: float, f: Forms) -> float:
-    """Viscous torque over rate, N·m·s."""
+def viscous_torque(rate: float, f: Forms) -> float:
+    """Return viscous torque over rate, N·m·s."""
     if f.viscous <= 0.0:
         return 0.0
     speed = math.sqrt(rate * rate + LEAST_RATE**2)
@@ -335,7 +335,7 @@ def damping_of(rate: float, f: Forms) -> float:
 
 @njit(cache=True)
 def lost(below: float, top: float, f: Forms) -> float:
-    """Share of the Mullins damage at an angle so far below the largest one."""
+    """Return the share of the Mullins damage at an angle below the largest one."""
     x = below / f.mullins_scale
     if f.mullins_shape == TANH:
         return math.tanh(x)
@@ -346,7 +346,7 @@ def lost(below: float, top: float, f: Forms) -> float:
 
 @njit(cache=True)
 def stretched(largest: float, f: Forms) -> float:
-    """The set that a largest past angle leaves, in shares of the typical angle."""
+    """Return the set due to a largest past angle, in shares of the typical angle."""
     x = largest / TYPICAL_ANGLE_RAD
     if f.set_limit > 0.0:
         return f.set_limit**2 * (1.0 - math.exp(-((x / f.set_limit) ** 2)))
@@ -355,7 +355,7 @@ def stretched(largest: float, f: Forms) -> float:
 
 @njit(cache=True)
 def law_error(share: float, u: float, table: Array) -> float:
-    """Torque by which the law is off, N·m: a bicubic B-spline over the grid, constant beyond it."""
+    """Return the error of the law, N·m: a bicubic B-spline over the grid, constant beyond it."""
     x = min(max((share - LOWEST_SHARE) / NODE_SHARE, 1.0), SHARE_NODES - 2.001)
     y = min(max((u / TYPICAL_ANGLE_RAD - LOWEST_BEND) / NODE_BEND, 1.0), BEND_NODES - 2.001)
     i, j = int(x), int(y)
@@ -369,7 +369,7 @@ def law_error(share: float, u: float, table: Array) -> float:
 
 @njit(cache=True)
 def cubic(t: float) -> tuple[float, float, float, float]:
-    """The four cubic B-splines at t of 0 to 1 between two nodes."""
+    """Return the four cubic B-splines at t of 0 to 1 between two nodes."""
     s = 1.0 - t
     first, last = s * s * s / 6.0, t * t * t / 6.0
     return first, 2.0 / 3.0 - t * t * (1.0 - 0.5 * t), 2.0 / 3.0 - s * s * (1.0 - 0.5 * s), last
@@ -377,7 +377,7 @@ def cubic(t: float) -> tuple[float, float, float, float]:
 
 @njit(cache=True)
 def wraps(angles: Array, module: Array, f: Forms) -> Array:
-    """(n,) how far the tendon has turned up to the middle of each joint."""
+    """Return (n,) the turn of the tendon up to the middle of each joint."""
     turned, out = 0.0, np.zeros(len(angles))
     for j in range(len(angles)):
         if module[j] >= 0:
@@ -397,7 +397,7 @@ def effort(
     new: Array,
     f: Forms,
 ) -> float:
-    """Effort of one joint at angle u, reached from u − step in dt; writes the memory `new` (N_MEMORY,) of `old`."""
+    """Return the effort of a joint at u, reached from u − step in dt; write the memory `new` (N_MEMORY,) of `old`."""
     p, warm = acting(drive.pressure_pa, f), drive.temperature_c - ROOM_C
     share = p / PRESSURE_MAX_PA
     new[LARGEST], new[LEAST] = max(old[LARGEST], u), min(old[LEAST], u)
@@ -460,7 +460,7 @@ def effort(
         moment += law_error(share, u, f.law)
 
     if f.viscous > 0.0:
-        moment -= damping_of(step / dt, f) * step / dt
+        moment -= viscous_torque(step / dt, f) * step / dt
     if f.branch_1 > 0.0:
         for k in range(3):
             time = (f.time_1_s, f.time_2_s, f.time_3_s)[k]
@@ -495,7 +495,7 @@ def effort(
 
 @njit(cache=True)
 def filling(rate: float, share: float, f: Forms) -> float:
-    """What a chamber that fills has more than one that vents."""
+    """Return the excess of a filling chamber over a venting one."""
     way = math.tanh(rate / 150.0)
     if f.filling_power > 0.0:
         return way * max(share, 0.0) ** f.filling_power
@@ -504,14 +504,14 @@ def filling(rate: float, share: float, f: Forms) -> float:
 
 @njit(cache=True)
 def healed(memory: Array) -> None:
-    """What heals in time has healed: relaxed branches; friction and damage stay, in place, (n, N_MEMORY)."""
+    """Reset the branches that relax with time, in place, (n, N_MEMORY); friction and damage stay."""
     memory[:, MAXWELL:FRICTION] = 0.0
 
 
 def virgin(modules: int) -> Array:
-    """(n, N_MEMORY) memory of a new specimen."""
+    """Return (n, N_MEMORY) memory of a new specimen."""
     return np.zeros((modules, N_MEMORY))
 
 
-# Machine code of the truths holds forms and constants of other files, whose changes numba does not see.
+# Machine code of the truths contains forms and constants of other files, whose changes numba does not detect.
 discard_stale(Path(effort.stats.cache_path), tuple(Path(__file__).parent.glob("*.py")))

@@ -32,7 +32,7 @@ from benchmarks.evidence.robots import B_E, PRESSURE_MAX_PA, Array, Robot
 from benchmarks.evidence.skeleton import Skeleton, gravity_on, skeleton
 from numba import njit
 
-# Sub-steps of creeping, of what is late or damped within a tenth of a second, and of swinging.
+# Sub-steps of creep, of lags or damping within a tenth of a second, and of swings.
 LONGEST_S, LONGEST_QUICK_S, LONGEST_DYNAMIC_S = 0.08, 0.02, 0.01
 # Runs start from straight along a slow ramp of all loads.
 RAMP_STEPS, RAMP_S = 40, 40.0
@@ -72,8 +72,8 @@ class Inputs(NamedTuple):
     payload: float
 
 
-def bones_of(found: Skeleton, body: Any, swings: bool) -> Bones:
-    """The skeleton for compiled code."""
+def compile_bones(found: Skeleton, body: Any, swings: bool) -> Bones:
+    """Return the skeleton for compiled code."""
     share = found.axes @ np.array([0.0, -1.0, 0.0])
     about = found.inertias_kg_m2 + found.masses_kg * np.sum(found.centres_m**2, axis=1)
     inertia = about if swings else np.zeros(len(share))
@@ -81,8 +81,8 @@ def bones_of(found: Skeleton, body: Any, swings: bool) -> Bones:
     return Bones(*linear, found.module, found.spring_n_m, share, inertia, AIR_DAMPING + body.drag)
 
 
-def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
-    """The run's inputs; `clock_s` when it begins."""
+def run_inputs(run: Run, body: Any, clock_s: float) -> Inputs:
+    """Return the run's inputs; `clock_s` is the time at its start."""
     gravity = gravity_on(run.base_angles_rad, body)
     course = (run.time_s, run.pressure_pa, run.moment_n_m, run.valve)
     return Inputs(*course, gravity, run.temperature_c, clock_s, run.payload_kg)
@@ -90,20 +90,20 @@ def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
 
 @njit(cache=True)
 def ramped(inputs: Inputs, share: float, cycles: float) -> Drive:
-    """A share of the run's first inputs: of the ramp on which a run starts from straight."""
+    """Return a share of the run's first inputs: of the ramp on which a run starts from straight."""
     pressure, load = share * inputs.pressure[0], share * inputs.load[0]
     return Drive(pressure, 0.0, inputs.temperature, load, 0.0, inputs.clock, cycles, 0.0)
 
 
 @njit(cache=True)
 def resting(inputs: Inputs) -> Array:
-    """(3,) a supply in balance with the run's first pressure."""
+    """Return a (3,) supply in balance with the run's first pressure."""
     return np.array([inputs.pressure[0], inputs.pressure[0], 0.0])
 
 
 @njit(cache=True)
 def commanded(inputs: Inputs, i: int, time: float) -> float:
-    """The pressure that was commanded at a time up to that of sample i."""
+    """Return the pressure that was commanded at a time up to that of sample i."""
     while i > 1 and time < inputs.time[i - 1]:
         i -= 1
     span = inputs.time[i] - inputs.time[i - 1]
@@ -115,7 +115,7 @@ def commanded(inputs: Inputs, i: int, time: float) -> float:
 def driven(
     inputs: Inputs, i: int, share: float, lead: float, dt: float, supply: Array, cycles: float, f: Forms
 ) -> Drive:
-    """What acts after a share of the way from sample i − 1 to i; the chamber is filled from `lead` before it."""
+    """Return the drive after a share of the way from sample i − 1 to i; the chamber is filled from `lead` before it."""
     rise = inputs.pressure[i] - inputs.pressure[i - 1]
     before, span = inputs.time[i - 1], inputs.time[i] - inputs.time[i - 1]
     dead = f.lag_second * f.lag_s if f.lag_shape == DEAD_TIME else 0.0
@@ -128,8 +128,8 @@ def driven(
 
 
 @njit(cache=True)
-def cycles_of(inputs: Inputs, i: int, parts: int) -> float:
-    """Cycles of the largest pressure that are done in each part of the way to sample i."""
+def cycle_increment(inputs: Inputs, i: int, parts: int) -> float:
+    """Return cycles of the largest pressure that are done in each part of the way to sample i."""
     return abs(inputs.pressure[i] - inputs.pressure[i - 1]) / parts / (2.0 * PRESSURE_MAX_PA)
 
 
@@ -142,14 +142,14 @@ def _cross(a: Array, b: Array, out: Array) -> None:
 
 @njit(cache=True)
 def _along(rotation: Array, r: int, vectors: Array, j: int) -> float:
-    """Component r of the turned vector j."""
+    """Return component r of the turned vector j."""
     turned = rotation[r, 0] * vectors[j, 0]
     return turned + rotation[r, 1] * vectors[j, 1] + rotation[r, 2] * vectors[j, 2]
 
 
 @njit(cache=True)
 def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Array) -> None:
-    """Moments (n,) of the weights about each hinge, and their derivatives (n, n)."""
+    """Fill moments (n,) of the weights about each hinge, and their derivatives (n, n)."""
     n = len(u)
     rotation, place, before = np.eye(3), np.zeros(3), np.zeros(3)
     axes, first = np.empty((n, 3)), np.empty((n, 3))
@@ -193,7 +193,7 @@ def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Arra
 def own(
     j: int, u: float, step: float, dt: float, drive: Drive, old: Array, new: Array, bones: Bones, f: Forms
 ) -> float:
-    """Effort of hinge j by itself: a module's joint, or the spring of a connection."""
+    """Return the effort of hinge j alone: a module's joint, or the spring of a connection."""
     if bones.module[j] < 0:
         return -(bones.springs[j, 0] + bones.springs[j, 1] * u * u) * u
     held = 0.0
@@ -203,7 +203,7 @@ def own(
         held = f.end_cap
     if held == 0.0:
         return effort(u, step, dt, drive, old, new, f)
-    if f.end_giving <= 0.0:  # a spring beside the joint
+    if f.end_giving <= 0.0:  # a spring parallel to the joint
         spring = 1.0 + f.end_cubic * (u / TYPICAL_ANGLE_RAD) ** 2
         return effort(u, step, dt, drive, old, new, f) - held * B_E * spring * u
     # A share of the module does not bend, and less of it the further it is bent.
@@ -225,7 +225,7 @@ def _solve(
     new: Array,
     f: Forms,
 ) -> bool:
-    """Newton to the equilibrium at the end of one sub-step; u starts as the guess. True where it converged.
+    """Solve for equilibrium at the end of a sub-step by Newton from the guess u; return whether it converged.
 
     `rates` (2, n) are velocity and acceleration at its start.
     """
@@ -275,7 +275,7 @@ def _solve(
 def _follow(
     inputs: Inputs, bones: Bones, memory: Array, cycles: float, longest: float, f: Forms
 ) -> tuple[Array, float, bool]:
-    """One run from rest: (t, n) angles, cycles done after it, and whether every state converged."""
+    """Simulate one run from rest: (t, n) angles, cycles after it, and whether every state converged."""
     n, count = len(memory), len(inputs.pressure)
     u, before, new = np.zeros(n), np.zeros(n), memory.copy()
     rates = np.zeros((2, n))
@@ -297,7 +297,7 @@ def _follow(
         parts = max(1, int(np.ceil(span / longest - 1e-9)))
         dt = span / parts
         for k in range(1, parts + 1):
-            cycles += cycles_of(inputs, i, parts)
+            cycles += cycle_increment(inputs, i, parts)
             drive = driven(inputs, i, k / parts, 0.5 / parts, dt, supply, cycles, f)
             guess = 2.0 * u - before
             before[:], u[:] = u, guess
@@ -310,7 +310,7 @@ def _follow(
 def followed(
     protocol: Protocol, truth: Any, hinges: int, run_of: Callable[..., tuple[Array, float, bool]]
 ) -> list[Array]:
-    """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
+    """Return (t, n) hinge angles of every run, in order; specimens keep permanent changes.
 
     Args:
         run_of: of a run's inputs, the specimen's memory (advanced in place) and its cycles: the angles, the cycles
@@ -323,7 +323,7 @@ def followed(
     angles, clock = [], 0.0
     for run in protocol:
         memory, cycles = memories.get(run.specimen, (virgin(hinges), 0.0))
-        found, cycles, well = run_of(inputs_of(run, truth.body, clock), memory, cycles)
+        found, cycles, well = run_of(run_inputs(run, truth.body, clock), memory, cycles)
         if not well or not np.isfinite(found).all():
             raise RuntimeError(f"run '{run.condition}' of the truth did not converge")
         memories[run.specimen] = (memory, cycles)
@@ -333,16 +333,16 @@ def followed(
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where a state did not converge."""
+    """Return (t, n) hinge angles of every run, in order. Raises `RuntimeError` if a state did not converge."""
     swings = truth.body.crossbar_kg_m2 > 0.0
     bones = {
-        kg: bones_of(skeleton(robot, truth.body, kg), truth.body, swings)
+        kg: compile_bones(skeleton(robot, truth.body, kg), truth.body, swings)
         for kg in {run.payload_kg for run in protocol}
     }
     quick = truth.forms.viscous > 0.0 or truth.forms.lag_s > 0.0
     longest = LONGEST_DYNAMIC_S if swings else LONGEST_QUICK_S if quick else LONGEST_S
 
-    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+    def simulate_run(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
         return _follow(inputs, bones[inputs.payload], memory, cycles, longest, truth.forms)
 
-    return followed(protocol, truth, len(next(iter(bones.values())).masses), run_of)
+    return followed(protocol, truth, len(next(iter(bones.values())).masses), simulate_run)

@@ -1,15 +1,15 @@
-"""What an answer is worth: right, right by class, ambiguous or wrong.
+"""Classification of answers: right, right by class, ambiguous or wrong.
 
-`ambiguous` and `insufficient_data` are honest and never right. An answer may be a class (`selected_class`): it is
-right by class where it holds the truth, and never strictly. A wrong kind is named where an answer, or every member
-of its class, has an effect that is not hidden and not of a class with one that is. A false alarm is an answer to a
-clean set that says that something is missing: another verdict than nothing_missing, or `ambiguous` between effects
-without the plain model.
+`ambiguous` and `insufficient_data` are honest and never right. An answer may be a class (`selected_class`): it is right
+by class if it contains the truth, and never strictly. A wrong kind is named where an answer, or every member of its
+class, has an effect that is not hidden and not of a class with one that is. A false alarm is an answer to a clean set
+that reports something missing: another verdict than nothing_missing, or `ambiguous` between effects without the plain
+model.
 
-Where the joint law is off (labels with a `law_error`) its own shape, `law` among kinds, is part of every truth: it may
-stand beside the effects that are named or not. `law_off` is no alarm there, and right of a clean set. Of a hidden
-effect it is right by class where the answer declared a class that holds both. A mistake of the record is right where it
-stands in `bookkeeping`, or where an effect is named that says the same.
+Where the joint law is off (labels with a `law_error`) its own shape, `law` among kinds, is part of every truth: an
+answer may name it with the effects or not. `law_off` is no alarm there, and right for a clean set. For a hidden effect
+it is right by class if the answer declared a class that contains both. A mistake of the record is right if it is in
+`bookkeeping`, or if an equivalent effect is named.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from benchmarks.evidence.truths import (
 
 HONEST = ("ambiguous", "insufficient_data")
 ERROR = "error"
-# Of a normal distribution 90 % are within so many standard deviations.
+# 90 % of a normal distribution are within this number of standard deviations.
 Z_90 = 1.6448536269514722
 Kinds = tuple[str, ...]
 ITS_CLASS, ANOTHER_CLASS = "its class", "another class"
@@ -41,26 +41,26 @@ ITS_CLASS, ANOTHER_CLASS = "its class", "another class"
 
 @dataclass(frozen=True)
 class Judged:
-    """One answer beside its label.
+    """One answer with its label.
 
     Attributes:
-        mode: how it was asked: `diagnose`, `improve`, or what runs were added.
+        mode: the command: `diagnose`, `improve`, or the runs that were added.
         forms: the equations that were hidden, by name.
         answer: the kinds that it names, joined by " + ", `ITS_CLASS`, `ANOTHER_CLASS`, or its verdict.
         outcome: right, class, ambiguous, wrong or error.
         by_class: right, or right but for kinds that the answer declared indistinguishable (`right_by_class`).
         wrong_kind: it names an effect that is not hidden, nor of a class with one that is.
-        alarm: it says that something is missing.
-        in_credible_set: the truth is among the hypotheses that hold 90 %; None without a set.
+        alarm: it reports something missing.
+        in_credible_set: the truth is among the hypotheses with 90 % of the probability; None without a set.
         top_probability, top_right: of the most probable hypothesis; None without one.
-        oracle_right: the scorer with the true forms finds the kind; None where it was not asked.
+        oracle_right: the scorer with the true forms finds the kind; None if it was not run.
         end_over_floor: held-out error over the floor at the end of `improve`; None otherwise.
-        law_error: share of the torque range by which the law is off; 0 in the bed of exact laws.
-        separable: no class that the answer declared holds what is hidden; None where no effect is.
-        truth_fitted: what is hidden is among the hypotheses that were fitted; None where that is not known.
-        intervals: of each parameter of the hidden effect, where its equation is the candidate's: name, whether the
-            stated 90 % interval holds its value, and by how many stated sd the estimate is off.
-        told: mistakes of the record that the answer tells.
+        law_error: error of the law as a share of the torque range; 0 in the bed of exact laws.
+        separable: no class that the answer declared contains the hidden effect; None if no effect is hidden.
+        truth_fitted: the hidden effect is among the fitted hypotheses; None if that is not known.
+        intervals: of each parameter of the hidden effect, if its equation is the candidate's: name, whether the stated
+            90 % interval contains its value, and the error of the estimate in stated sd.
+        told: mistakes of the record that the answer reports.
     """
 
     group: str
@@ -95,22 +95,22 @@ class Judged:
 
     @property
     def form(self) -> str:
-        """What was hidden, in one name."""
+        """Return the hidden forms in one name."""
         return " + ".join(self.forms)
 
     @property
     def is_right(self) -> bool:
-        """The answer counts as right."""
+        """Return whether the answer counts as right."""
         return self.outcome == "right"
 
 
 def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "diagnose") -> Judged:
-    """One line of results (`error` or `result`, `wall_s`) beside its opened label."""
+    """Judge one line of results (`error` or `result`, `wall_s`) by its opened label."""
     kind, off = label["kind"], bool(label.get("law_error"))
     result = _renamed(line.get("result") or {}, kind)
     told = tuple(sorted(one["kind"] for one in result.get("bookkeeping") or ()))
     selected = _selected(result, off)
-    # `improve` says what it added, step by step.
+    # `improve` reports its additions, step by step.
     added = ("missing_effect" if selected else "nothing_missing") if "steps" in result else ERROR
     verdict = ERROR if line.get("error") else str(result.get("verdict", added))
     if off and verdict == "missing_effect" and list(result.get("selected") or ()) == [LAW]:
@@ -119,7 +119,7 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
     classes = [frozenset(one["kinds"]) for one in result.get("classes") or []]
     hypotheses = sorted(result.get("hypotheses") or [], key=lambda h: -h["probability"])
     truth = ("unknown",) if kind in UNKNOWN else hidden_kinds(kind)
-    # Of what is static the law's own shape is the other true name, where the law is off.
+    # For static effects the law's shape is the other right name, if the law is inexact.
     truths = {truth, ()} if off and kind in STATIC_UNKNOWN else {truth}
     credible = any(one in truths for one in names) if names else None
     top = hypotheses[0] if hypotheses and not told else None
@@ -172,13 +172,13 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
 
 
 def is_truth(label: Mapping[str, Any], hypothesis: Any) -> bool:
-    """The hypothesis is what is hidden, with or without the law's own shape where that is off."""
+    """Return whether the hypothesis is the truth, with or without the law's shape if the law is inexact."""
     kinds = _renamed({"selected": _kinds(hypothesis, False)}, label["kind"])["selected"]
     return _kinds(kinds, bool(label.get("law_error"))) == hidden_kinds(label["kind"])
 
 
 def truth_fitted(label: Mapping[str, Any], result: Mapping[str, Any]) -> bool | None:
-    """What is hidden is among the hypotheses; None without any, or where it is no effect."""
+    """Return whether the hidden effect is among the hypotheses; None without hypotheses or without an effect."""
     hypotheses = result.get("hypotheses")
     if not hypotheses or label["kind"] in (CLEAN, *UNKNOWN):
         return None
@@ -188,7 +188,7 @@ def truth_fitted(label: Mapping[str, Any], result: Mapping[str, Any]) -> bool | 
 def intervals(
     label: Mapping[str, Any], hypotheses: Sequence[Mapping[str, Any]]
 ) -> tuple[tuple[str, bool, float], ...]:
-    """Of each parameter that the label states and the hypothesis of the truth estimates: name, held, and sd off."""
+    """Return name, coverage and error (sd) of each parameter in both the label and the true hypothesis."""
     wanted = label.get("parameters") or {}
     stated = next((h.get("parameters") or {} for h in hypotheses if is_truth(label, h)), {})
     found = []
@@ -212,10 +212,10 @@ def right_by_class(
     classes: Sequence[frozenset[str]],
     law_is_off: bool = False,
 ) -> bool:
-    """Right but for kinds of one class, as the answer declared them from inputs, model and noise alone.
+    """Return whether an answer is right up to kinds of one class that it declared from inputs, model and noise alone.
 
-    The verdict names the truth up to exchanges within classes, or it is `ambiguous` and every hypothesis that holds its
-    90 % does. `law_off` names the law's own shape beside what is selected; where the law is off every answer does.
+    The verdict names the truth up to exchanges within classes, or it is `ambiguous` and every hypothesis of its 90 %
+    set does. `law_off` names the law's shape in addition to the selected kinds; if the law is off every answer does.
     """
     if not truth or truth == ("unknown",):
         return False
@@ -237,7 +237,7 @@ def right_by_class(
 
 
 def _renamed(result: Mapping[str, Any], kind: str) -> dict[str, Any]:
-    """The result with every effect that says the mistake that is hidden under the mistake's own name."""
+    """Return the result with effects equivalent to the hidden mistake renamed to the mistake's name."""
     names = {name: one for one in hidden_kinds(kind) for name in MISTAKES.get(one, ((), ()))[0]}
     if not names:
         return dict(result)
@@ -254,7 +254,7 @@ def _renamed(result: Mapping[str, Any], kind: str) -> dict[str, Any]:
 
 
 def _separable(truth: Kinds, classes: Sequence[frozenset[str]]) -> bool | None:
-    """No declared class of two or more holds one of the hidden effects."""
+    """Return whether no declared class of two or more contains one of the hidden effects."""
     if not truth or truth == ("unknown",):
         return None
     return not any(len(one) > 1 and set(truth) & one for one in classes)
@@ -267,13 +267,13 @@ def _alarm(verdict: str, credible: Sequence[Kinds], law_alone: bool) -> bool:
 
 
 def _class(result: dict[str, Any], law_is_off: bool) -> list[Kinds]:
-    """What the answer is a class of: each member with what is missing beside it; empty where it is none."""
+    """Return the members of the answer's class, each with the effects selected in addition; empty if it is no class."""
     members, beside = result.get("selected_class") or [], result.get("beside_class") or []
     return [_kinds((*beside, one), law_is_off) for one in members] if len(members) > 1 else []
 
 
 def _foreign(kinds: Sequence[str], truth: Sequence[str], classes: Sequence[frozenset[str]]) -> bool:
-    """One of the kinds is not hidden, nor of a class with one that is."""
+    """Return whether one of the kinds is not hidden, nor in a class with a hidden one."""
     return any(
         kind not in (*truth, LAW) and not any({kind, one} <= c for one in truth for c in classes)
         for kind in kinds
@@ -287,7 +287,7 @@ def _answer(verdict: str, selected: Sequence[str], group_of: Sequence[Any], held
 
 
 def _kinds(hypothesis: Any, law_is_off: bool) -> Kinds:
-    """The sorted kinds of a hypothesis, an object with `kinds` or a list; without the law's shape where that is off."""
+    """Return the sorted kinds of a hypothesis (object with `kinds` or list), without the shape of an inexact law."""
     kinds = hypothesis["kinds"] if isinstance(hypothesis, dict) else hypothesis
     return tuple(sorted(kind for kind in kinds if not (law_is_off and kind == LAW)))
 

@@ -1,4 +1,4 @@
-"""Shapes of a law's error: smooth functions of actuation and angle that no stiffness, gain or offset can say.
+"""Shapes of a law's error: smooth functions of actuation and angle that stiffness, gain and offset cannot represent.
 
 A raw shape is drawn from the bases of its split (`form_table.LAW_SHAPES`): no basis is in both, and none is one that a
 diagnosis has for a law's error, polynomials of low order or a Gaussian process with a squared exponential. Over the
@@ -44,7 +44,7 @@ WORKING_BEND = 1.8
 MOST_OF_STIFFNESS = 0.6
 DRAWS = 400
 LINES = 5  # of ridges and folds
-# Beyond the states that were visited: as far as a hidden effect may take the robot, rad.
+# Margin about the visited states, for the motion due to a hidden effect, rad.
 AROUND_RAD = 0.05
 
 Surface = Callable[[Array, Array], Array]
@@ -70,7 +70,7 @@ class LawShape:
 
 
 def draw_law(size: float, split: Split, share: Array, angle_rad: Array, rng: np.random.Generator) -> LawShape:
-    """A shape of this size over the states of pressure shares and angles, (s,) each.
+    """Draw a shape of this size over the states of pressure shares and angles, (s,) each.
 
     Raises:
         RuntimeError: no shape of the split is stiff enough at this size.
@@ -101,8 +101,8 @@ def draw_law(size: float, split: Split, share: Array, angle_rad: Array, rng: np.
 
 
 @cache
-def law_of(size: float, seed: int, split: Split, robot: str, runs: str) -> LawShape:
-    """The error of a law by its size and its seed, over the states that the clean robot visits in a protocol."""
+def draw_law_shape(size: float, seed: int, split: Split, robot: str, runs: str) -> LawShape:
+    """Return the error of a law by size and seed, over the states that the clean robot visits in a protocol."""
     return draw_law(
         size, split, *visited(robot, runs if runs == "payload" else "rich"), np.random.default_rng(seed)
     )
@@ -110,7 +110,7 @@ def law_of(size: float, seed: int, split: Split, robot: str, runs: str) -> LawSh
 
 @cache
 def visited(name: str, runs_of: str = "rich") -> tuple[Array, Array]:
-    """(s,) shares of the largest pressure and angles of every joint of the clean robot in all runs.
+    """Return (s,) shares of the largest pressure and angles of every joint of the clean robot in all runs.
 
     A law is of a module, not of the runs of one day: the poor protocol's single curve could say nearly any shape. Only
     payloads take the robot where `rich` does not.
@@ -126,12 +126,12 @@ def visited(name: str, runs_of: str = "rich") -> tuple[Array, Array]:
 
 
 def sayable(share: Array, bend: Array) -> Array:
-    """(s, 5) what stiffness, gain, offset and quadratic part can say, at states (s,)."""
+    """Return (s, 5) regressors of stiffness, gain, offset and quadratic part at states (s,)."""
     return np.column_stack([np.ones_like(share), share, bend, share * bend, bend * np.abs(bend)])
 
 
 def draw_pull(size: float, split: Split, rng: np.random.Generator) -> tuple[str, Array]:
-    """The basis and (SHARE_NODES,) the error of a tendon's pull at the nodes of its share, of a rod without a law.
+    """Draw the error of the pull of a rod's tendon: its basis and values (SHARE_NODES,) at nodes of its share.
 
     A function of the actuation alone, without constant, linear and quadratic part.
     """
@@ -151,7 +151,7 @@ def _nodes() -> tuple[Array, Array]:
 
 
 def _raw(split: Split, rng: np.random.Generator) -> tuple[str, dict[str, float], Surface]:
-    """A raw shape: its basis, its numbers, and the function of pressure share and bend."""
+    """Draw a raw shape: its basis, its numbers, and the function of pressure share and bend."""
     possible = LAW_SHAPES[SPLITS.index(split)]
     form = possible[int(rng.integers(len(possible)))]
     drawn = {name: float(rng.uniform(*ends)) for name, ends in form.ranges.items()}
@@ -159,7 +159,7 @@ def _raw(split: Split, rng: np.random.Generator) -> tuple[str, dict[str, float],
 
 
 def _plane_waves(v: Any, rng: np.random.Generator) -> Surface:
-    """Random Fourier features: waves of any direction, `cycles` over the working range."""
+    """Draw random Fourier features: waves of any direction, `cycles` over the working range."""
     way, phase, size = rng.uniform(0, np.pi, 6), rng.uniform(0, 2 * np.pi, 6), rng.standard_normal(6)
     turns = 2 * np.pi * v.cycles * rng.uniform(0.7, 1.3, 6)
 
@@ -171,7 +171,7 @@ def _plane_waves(v: Any, rng: np.random.Generator) -> Surface:
 
 
 def _wave_products(v: Any, rng: np.random.Generator) -> Surface:
-    """Products of a wave of the pressure and one of the angle."""
+    """Draw products of a wave of the pressure and one of the angle."""
     phases, size = rng.uniform(0, 2 * np.pi, (2, 5)), rng.standard_normal(5)
     turns = 2 * np.pi * v.cycles * rng.uniform(0.6, 1.4, (2, 5))
 
@@ -183,7 +183,7 @@ def _wave_products(v: Any, rng: np.random.Generator) -> Surface:
 
 
 def _bumps(v: Any, rng: np.random.Generator) -> Surface:
-    """Bumps at random places that fall off as a power of the distance."""
+    """Draw bumps at random places that decay as a power of the distance."""
     place = np.column_stack([rng.uniform(-0.1, 1.1, 9), rng.uniform(-0.4, 0.9, 9)])
     size, width = rng.standard_normal(9), v.width * rng.uniform(0.8, 1.2, 9)
 
@@ -196,19 +196,19 @@ def _bumps(v: Any, rng: np.random.Generator) -> Surface:
 
 
 def _ridges(v: Any, rng: np.random.Generator) -> Surface:
-    """Soft steps across random lines."""
+    """Draw soft steps across random lines."""
     along, size = _lines(rng), rng.standard_normal(LINES)
     return lambda share, bend: np.tanh(along(share, bend) / v.width) @ size
 
 
 def _folds(v: Any, rng: np.random.Generator) -> Surface:
-    """Planes that meet in rounded folds along random lines."""
+    """Draw planes that meet in rounded folds along random lines."""
     along, size = _lines(rng), rng.standard_normal(LINES)
     return lambda share, bend: np.sqrt(along(share, bend) ** 2 + v.width**2) @ size
 
 
 def _lines(rng: np.random.Generator) -> Surface:
-    """Distances (s, `LINES`) of states from random lines through the working range."""
+    """Return distances (s, `LINES`) of states from random lines through the working range."""
     way = rng.uniform(0, 2 * np.pi, LINES)
     through = np.column_stack([rng.uniform(0.1, 0.9, LINES), rng.uniform(-0.1, 0.6, LINES)])
 

@@ -1,16 +1,16 @@
-"""How far a learned term brings the error down on runs that nothing has seen, where the hidden form is no effect's.
+"""Reduction of the error on unseen runs by a learned term, for hidden forms that are no effect's.
 
     python -m benchmarks.evidence.learned [--seeds 2] [--kinds gain_bump …]
 
 Sets of the calibration split of every unknown form are made as the bench makes them (one joint, rich protocol,
-compiled truth). Each is asked twice, of the model as it is:
+compiled truth). Each is evaluated twice, for the unchanged model:
 
-- *unseen runs*: `lock` puts a quarter of the runs aside as `pliant improve` does, the term is learned from the others,
-  and the error on the runs put aside is taken over the noise floor of all runs, without and with it;
+- *unseen runs*: a quarter of the runs is held out as by `pliant improve`, the term is learned from the others, and the
+  error on the held-out runs is taken over the noise floor of all runs, without and with it;
 - *outside its data*: all readings above `REACH` of the largest pressure are hidden, the term is learned from the
   others, and the error on the hidden ones with the term is taken over that without.
 
-Where no term is offered both are those without. Printed: each set, then the medians; in benchmarks/out/learned.json.
+If no term is offered both are those without. Printed: each set, then the medians; in benchmarks/out/learned.json.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from benchmarks.output import Bar, write
 
 from pliant import api
 from pliant.diagnosis.learned_term import LearnedTerm, learn
-from pliant.diagnosis.left_out import condition_of_runs
+from pliant.diagnosis.left_out import condition_indices
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.readings import readings_over_floor, score
-from pliant.diagnosis.test_split import lock
-from pliant.evidence.places import residuals_of
+from pliant.diagnosis.test_split import split_runs
+from pliant.evidence.places import run_residuals
 from pliant.evidence.prediction import Predictor
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.measurement import Measurement
@@ -46,7 +46,7 @@ PUSHED = "pressure_pa"
 
 @dataclass(frozen=True)
 class Answer:
-    """One set: what was learned, RMS errors over the floor on runs put aside, and the ratio outside its data."""
+    """Result of a set: the learned term, RMS errors over the floor on held-out runs, the ratio outside its data."""
 
     kind: str
     seed: int
@@ -88,28 +88,28 @@ def answer(kind: str, seed: int) -> Answer:
         csv.write_text(made.csv)
         opened = api.open_study(study, store=Path(folder))
         whole = api.read_measurement(opened, csv)
-        locked = lock(whole)
-        model = Predictor.of_study(opened.bench, opened.study, locked.training)
+        locked = split_runs(whole)
+        model = Predictor.from_study(opened.bench, opened.study, locked.training)
         found = learned(model, locked.training)
-        plain, better = (residuals_of(whole, model.predict(effects_of(one))) for one in (None, found))
+        plain, better = (run_residuals(whole, model.predict(term_effects(one))) for one in (None, found))
         floors = noise_view(whole, better, dict.fromkeys(better[0], 1.0), repeat_groups(whole)).floors
         without, with_it = (score(one, floors, locked.runs).over_floor for one in (plain, better))
-        outside = beyond(Predictor.of_study(opened.bench, opened.study, whole), whole)
-    words = "nothing" if found is None else form_of(found)
+        outside = beyond(Predictor.from_study(opened.bench, opened.study, whole), whole)
+    words = "nothing" if found is None else describe_form(found)
     return Answer(kind, seed, words, without, with_it, outside, time.perf_counter() - started)
 
 
 def learned(model: Predictor, measurement: Measurement) -> LearnedTerm | None:
-    """The term that these readings support, of the model as it is."""
-    plain, groups = residuals_of(measurement, model.predict()), repeat_groups(measurement)
+    """Learn the term that these readings support, for the unchanged model."""
+    plain, groups = run_residuals(measurement, model.predict()), repeat_groups(measurement)
     readings, _ = readings_over_floor(measurement, plain, groups)
     noise = noise_view(measurement, plain, readings.scales, groups)
-    condition = condition_of_runs(readings.n_runs, [group.runs for group in groups])
+    condition = condition_indices(readings.n_runs, [group.runs for group in groups])
     return learn(model, readings, noise, condition[readings.run])
 
 
 def beyond(model: Predictor, whole: Measurement) -> float:
-    """Error at pressures above those learned from, with the term over without it."""
+    """Return the error at pressures above the training range, with the term over without it."""
     most = max(float(run.history.actuation[PUSHED].max()) for run in whole.runs)
     low, high = [], []
     for run in whole.runs:
@@ -123,29 +123,29 @@ def beyond(model: Predictor, whole: Measurement) -> float:
     unread = replace(whole, runs=tuple(high))
     squares = []
     for one in (found, None):
-        left = residuals_of(unread, model.predict(effects_of(one)))
+        left = run_residuals(unread, model.predict(term_effects(one)))
         squares.append(sum(float(np.nansum(values**2)) for run in left for values in run.values()))
     return float(np.sqrt(squares[0] / squares[1]))
 
 
-def effects_of(found: LearnedTerm | None) -> tuple:
-    """The term as effects of a model."""
+def term_effects(found: LearnedTerm | None) -> tuple:
+    """Return the term as effects of a model."""
     return () if found is None else (found.effect,)
 
 
-def form_of(found: LearnedTerm) -> str:
-    """Where it acts and over what."""
+def describe_form(found: LearnedTerm) -> str:
+    """Return the place of action and the covariates of a term."""
     return f"{found.form.acts_on}({', '.join(axis.name for axis in found.form.axes)})"
 
 
 def line(row: Answer) -> str:
-    """One set in words."""
+    """Return one set in words."""
     fall = f"{row.without:5.2f} -> {row.with_it:5.2f} over the floor"
     return f"{row.kind:20s}{row.seed:3d}  {fall}   outside {row.outside:5.2f}   {row.learned}  ({row.wall_s:.0f} s)"
 
 
 def summary(rows: Sequence[Answer]) -> dict[str, float]:
-    """Medians, and the worst."""
+    """Return medians and the worst value."""
     without, with_it, outside = (
         np.array([getattr(row, name) for row in rows]) for name in ("without", "with_it", "outside")
     )

@@ -23,7 +23,7 @@ LEDGER = Path(__file__).parent / "ledger.jsonl"
 ANSWERS = Path(__file__).parent / "answers.jsonl.gz"
 # Of the latest sealed run of each bed.
 ANSWERS_OF = {"exact": ANSWERS, "law_off": ANSWERS.with_name("answers_law_off.jsonl.gz")}
-# What a diagnosis rests on.
+# Code that determines a diagnosis.
 CODE = (
     "core/pliant/diagnosis",
     "core/pliant/evidence",
@@ -56,7 +56,7 @@ LEAST_PROBABILITY = 0.01
 
 
 def code_digest(root: Path = ROOT) -> str:
-    """Digest of the code of the diagnosis.
+    """Return digest of the code of the diagnosis.
 
     Raises:
         FileNotFoundError: a part of it is not there.
@@ -72,7 +72,7 @@ def code_digest(root: Path = ROOT) -> str:
 
 
 def commit() -> str:
-    """The commit of the checkout, with a + where the code of the diagnosis has been changed since."""
+    """Return the commit of the checkout, with a + if the code of the diagnosis has changed since."""
 
     def said(*words: str) -> str:
         done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
@@ -84,7 +84,7 @@ def commit() -> str:
 
 
 def now() -> str:
-    """UTC, to the second."""
+    """Return the UTC time, to the second."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
@@ -95,7 +95,7 @@ def note(entry: Mapping[str, Any], path: Path = LEDGER) -> None:
 
 
 def entries(path: Path = LEDGER) -> list[dict[str, Any]]:
-    """The runs in the order in which they began; those that were killed have no `ended`."""
+    """Return the runs in the order of their start; killed ones have no `ended`."""
     runs: dict[str, dict[str, Any]] = {}
     for line in path.read_text().splitlines() if path.exists() else ():
         one = json.loads(line)
@@ -104,7 +104,7 @@ def entries(path: Path = LEDGER) -> list[dict[str, Any]]:
 
 
 def headline(data: Mapping[str, Any]) -> dict[str, list[int]]:
-    """[how often, of how many] of the figures that a ledger's line holds."""
+    """Return [count, total] of the figures in a ledger's line."""
     shares = {
         "strictly": data["effects"],
         "by_class": data["effects"]["by_class"],
@@ -118,7 +118,7 @@ def headline(data: Mapping[str, Any]) -> dict[str, list[int]]:
 
 
 def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, Any]) -> dict[str, Any]:
-    """One answer beside its opened label, as it is kept."""
+    """Return one answer with its opened label in the stored form."""
     result = dict(line.get("result") or {})
     if result.get("hypotheses"):
         result["truth_fitted"] = truth_fitted(label, result)
@@ -143,7 +143,7 @@ def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, 
 
 
 def _without_parameters(label: Mapping[str, Any], hypothesis: Mapping[str, Any]) -> dict[str, Any]:
-    """The hypothesis; with its parameters where the label states what they are."""
+    """Return the hypothesis, with its parameters only if the label states their values."""
     if label.get("parameters") and is_truth(label, hypothesis):
         return dict(hypothesis)
     return {key: value for key, value in hypothesis.items() if key != "parameters"}
@@ -160,13 +160,13 @@ def _rounded(value: Any) -> Any:
 def write_answers(
     head: Mapping[str, Any], answers: Iterable[Mapping[str, Any]], path: Path = ANSWERS
 ) -> None:
-    """The run's head and its answers, one a line; the same bytes for the same content."""
+    """Write the run's head and its answers, one a line; the same bytes for the same content."""
     text = "\n".join(json.dumps(one, separators=(",", ":")) for one in (head, *answers))
     path.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
 
 
 def read_answers(path: Path = ANSWERS) -> tuple[dict[str, Any], list[Judged]]:
-    """The head of the latest sealed run, and its answers, judged anew; nothing where none has ended yet."""
+    """Return the head of the latest sealed run and its answers, judged again; empty if none has ended yet."""
     if not path.exists():
         return {}, []
     head, *answers = (json.loads(line) for line in gzip.decompress(path.read_bytes()).splitlines())
@@ -174,7 +174,7 @@ def read_answers(path: Path = ANSWERS) -> tuple[dict[str, Any], list[Judged]]:
 
 
 def judged(answers: Sequence[Mapping[str, Any]]) -> list[Judged]:
-    """The answers beside their labels; older ones do not say whether the truth was fitted."""
+    """Judge the answers by their labels; older ones lack whether the truth was fitted."""
     fitted = {"truth_fitted": None}
     lines = [{**one, "result": fitted | one["result"]} for one in answers]
     return [

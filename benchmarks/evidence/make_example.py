@@ -25,7 +25,7 @@ HEAD = (
 
 
 def drawn(passphrase: str) -> SetSpec:
-    """The set that belongs to a passphrase."""
+    """Return the set of a passphrase."""
     key = passphrase_key(passphrase, salt=b"which effect")
     kind = KINDS[int.from_bytes(key[:8]) % len(KINDS)]
     return SetSpec(kind, int.from_bytes(key[8:12]), "mujoco", "joint", "example", "judged", SNR)

@@ -15,13 +15,13 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, damping_of, healed, with_wrap, wraps
+from benchmarks.evidence.forms import Drive, Forms, healed, viscous_torque, with_wrap, wraps
 from benchmarks.evidence.functional_truth import (
     AIR_DAMPING,
     Bones,
     Inputs,
-    bones_of,
-    cycles_of,
+    compile_bones,
+    cycle_increment,
     driven,
     followed,
     own,
@@ -46,7 +46,7 @@ _step = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
 
 
 def mjcf(bones: Skeleton, body: Any) -> str:
-    """Nested bodies hanging along −z with a hinge each; what is before the first hinge is fixed to the world."""
+    """Return nested bodies hanging along −z with a hinge each; bodies before the first hinge are fixed to the world."""
     root = ElementTree.Element("mujoco")
     ElementTree.SubElement(root, "compiler", angle="radian")
     option = ElementTree.SubElement(
@@ -89,7 +89,7 @@ def _advance(
     f: Forms,
     viscous: Forms,
 ) -> None:
-    """One MuJoCo step under the drive at its end; memory goes along with the motion that MuJoCo makes.
+    """Make one MuJoCo step under the drive at its end; the memory follows MuJoCo's motion.
 
     Damping is MuJoCo's own, at the secant of its form `viscous`; `f` has none.
     """
@@ -104,7 +104,7 @@ def _advance(
         before[j] = u
         stiffness[j] = slope
         if bones.module[j] >= 0:
-            damping[j] = bones.damping + damping_of(velocity[j], viscous)
+            damping[j] = bones.damping + viscous_torque(velocity[j], viscous)
         force[j] = value - drive.moment_n_m * bones.load_share[j] + slope * u
     _step(handles[0], handles[1])
     for j in range(len(position)):
@@ -125,7 +125,7 @@ def _follow(
     f: Forms,
     viscous: Forms,
 ) -> tuple[Array, float]:
-    """One run from rest: (t, n) angles and the cycles that the specimen has done after it."""
+    """Simulate one run from rest: (t, n) angles and the specimen's number of cycles after it."""
     position, velocity, _, _, _ = views
     n, count = len(position), len(inputs.pressure)
     new, before = memory.copy(), np.zeros(n)
@@ -133,7 +133,7 @@ def _follow(
     ramp = round(RAMP_S / STEP_S)
     for k in range(ramp + round(SETTLE_S / STEP_S)):
         share = min(1.0, (k + 1) / ramp)
-        # The bench turns, the world stays: gravity is what is turned.
+        # A turn of the bench is modelled by turning gravity.
         gravity[:] = share * inputs.gravity
         drive = ramped(inputs, share, cycles)
         _advance(handles, views, drive, bones, before, memory, new, f, viscous)
@@ -145,7 +145,7 @@ def _follow(
         span = inputs.time[i] - inputs.time[i - 1]
         parts = max(1, round(span / STEP_S))
         for k in range(1, parts + 1):
-            cycles += cycles_of(inputs, i, parts)
+            cycles += cycle_increment(inputs, i, parts)
             drive = driven(inputs, i, k / parts, 0.0, STEP_S, supply, cycles, f)
             _advance(handles, views, drive, bones, before, memory, new, f, viscous)
         angles[i] = position
@@ -153,15 +153,15 @@ def _follow(
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, n) hinge angles of every run, in order. Raises `RuntimeError` where MuJoCo's motion is not finite."""
+    """Return (t, n) hinge angles of every run, in order. Raises `RuntimeError` if the motion is not finite."""
     loaded = {}
     for kg in {run.payload_kg for run in protocol}:
         found = skeleton(robot, truth.body, kg)
         model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
-        loaded[kg] = model, mujoco.MjData(model), bones_of(found, truth.body, swings=False)
+        loaded[kg] = model, mujoco.MjData(model), compile_bones(found, truth.body, swings=False)
     dry = truth.forms._replace(viscous=0.0)
 
-    def run_of(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
+    def simulate_run(inputs: Inputs, memory: Array, cycles: float) -> tuple[Array, float, bool]:
         model, data, bones = loaded[inputs.payload]
         handles = (model._address, data._address)
         views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness, model.dof_damping)
@@ -169,4 +169,4 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
         found = _follow(handles, views, model.opt.gravity, inputs, bones, memory, cycles, dry, truth.forms)
         return *found, True
 
-    return followed(protocol, truth, len(next(iter(loaded.values()))[2].masses), run_of)
+    return followed(protocol, truth, len(next(iter(loaded.values()))[2].masses), simulate_run)

@@ -1,4 +1,4 @@
-"""A scorer that knows the true forms: what the poor protocol can tell at best.
+"""A scorer with the true forms: an upper bound of identification under the poor protocol.
 
 For every kind that makes sense on the robot, the form of the truth itself, with its shapes, the law's error and the
 engine's creep all known, is fitted to the set by its strength alone; BIC with the diagnoser's own effective sample
@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 from benchmarks.evidence.protocols import protocol
 from benchmarks.evidence.robots import ROBOTS, Array
-from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow, truth_of
-from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw_part, robots_of
+from benchmarks.evidence.sets import MeasuredSet, SetSpec, draw_truth, follow
+from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw_part, kind_robots
 
 # Strengths that are looked at first, in shares of the largest sensible one; then a few Gauss-Newton steps.
 LOOKED_AT = (0.02, 0.06, 0.15, 0.3, 0.6)
@@ -24,10 +24,10 @@ SLOPE = 1e-3
 
 
 def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
-    """Mean squared error over σ of each kind's own best fit; `CLEAN` is the model with nothing added."""
+    """Return the mean squared error over σ of each kind's best fit; `CLEAN` is the unchanged model."""
     robot = ROBOTS[spec.robot]
     runs = protocol(spec.protocol, robot)
-    truth = truth_of(spec)
+    truth = draw_truth(spec)
     rng = np.random.default_rng(spec.seed)
     slips = np.zeros(len(runs))
     measured = _flat(made.measured, made.sigma)
@@ -41,7 +41,7 @@ def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
 
     found = {CLEAN: float(np.mean(left(truth)(0.0) ** 2))}
     for kind in KINDS:
-        if spec.robot not in robots_of(kind):
+        if spec.robot not in kind_robots(kind):
             continue
         part = draw_part(kind, "functional", robot, spec.split, rng)
         signed = "sign" in part.drawn
@@ -53,7 +53,7 @@ def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
 
 
 def best(residual: Callable[[float], Array], least: float, largest: float, at_zero: float) -> float:
-    """Smallest mean square over strengths from `least` to `largest`: the best of a few, then Gauss-Newton."""
+    """Minimise the mean square over strengths from `least` to `largest`: the best of a few, then Gauss-Newton."""
     tried = {0.0: at_zero}
     for strength in [end * share for end in (largest, least) if end for share in LOOKED_AT]:
         tried[strength] = _square(residual, strength)
@@ -73,7 +73,7 @@ def best(residual: Callable[[float], Array], least: float, largest: float, at_ze
 
 
 def choice(squares: Mapping[str, float], n_effective: float) -> str:
-    """The kind with the largest −½ n ln S − ½ k ln n; k is 1, and 0 for `CLEAN`."""
+    """Return the kind with the largest −½ n ln S − ½ k ln n; k is 1, and 0 for `CLEAN`."""
 
     def evidence(kind: str) -> float:
         price = 0.0 if kind == CLEAN else 0.5 * math.log(n_effective)
@@ -83,7 +83,7 @@ def choice(squares: Mapping[str, float], n_effective: float) -> str:
 
 
 def _safe(residual: Callable[[float], Array], strength: float) -> Array | None:
-    """None where the form has no equilibrium."""
+    """Return the residual at a strength; None if the form has no equilibrium."""
     try:
         return residual(strength)
     except (RuntimeError, np.linalg.LinAlgError):
@@ -96,5 +96,5 @@ def _square(residual: Callable[[float], Array], strength: float) -> float:
 
 
 def _flat(outputs: Sequence[Mapping[str, Array]], sigma: Mapping[str, float]) -> Array:
-    """All readings in σ, in one row."""
+    """Return all readings in σ, in one row."""
     return np.concatenate([run[name] / sigma[name] for run in outputs for name in run])

@@ -1,4 +1,4 @@
-"""What the bench does, as data: runs of drive, load, temperature and orientation over time.
+"""Protocols of the bench as data: runs of drive, load, temperature and orientation over time.
 
 | protocol | runs | samples | minutes of motion | what it can tell |
 |---|---|---|---|---|
@@ -14,7 +14,7 @@
 
 `rich` has, of each specimen: virgin, slow, fast, holds, ± load, horizontal, sideways, hot, load steps without pressure
 and with it, closed valve, steps at 50 Hz, second sensor, and a repeat. Chains leave out the steps at 50 Hz:
-they swing too slowly to stand still between samples, in every dynamic truth. Tendons have no valve to close.
+they swing too slowly to come to rest between samples, in every dynamic truth. Tendons have no valve to close.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Run:
         return np.ones(len(self)) if self.valve_open is None else self.valve_open
 
     def recorded(self) -> Run:
-        """The run as it stands in its recording, whose clock starts with it."""
+        """Return the run in its recorded form, whose clock starts with it."""
         if self.kept is None:
             return self
         cut = {name: getattr(self, name)[self.kept] for name in ("pressure_pa", "moment_n_m", "time_s")}
@@ -92,14 +92,14 @@ Protocol = tuple[Run, ...]
 
 
 def triangles(period_s: float, amplitudes: list[float]) -> Array:
-    """Pressure cycles from zero, shares of the largest."""
+    """Return pressure cycles from zero, shares of the largest."""
     n = round(period_s / SAMPLE_S)
     shape = 1 - np.abs(2 * np.arange(n) / n - 1)
     return PRESSURE_MAX_PA * np.concatenate([a * shape for a in amplitudes])
 
 
 def steps(levels: tuple[float, ...], hold_s: float, rise_s: float = 1.2, sample_s: float = SAMPLE_S) -> Array:
-    """Levels reached along straight lines of `rise_s`, then held."""
+    """Return levels reached along straight lines of `rise_s`, then held."""
     n, rising = round(hold_s / sample_s), round(rise_s / sample_s)
     ramp = np.minimum(1.0, np.arange(1, n + 1) / rising)
     before = (0.0, *levels[:-1])
@@ -115,7 +115,7 @@ def _loaded(condition: str, specimen: str, pressure: Array, share: float) -> Run
 
 
 def _load_steps(specimen: str) -> list[Run]:
-    """The load walks through its levels, first without pressure, then at constant pressure."""
+    """Return steps of the load, first without pressure, then at constant pressure."""
     load = LOAD_N_M * steps(LOAD_LEVELS, 9.2)
     held = 0.6 * PRESSURE_MAX_PA * np.minimum(1.0, np.arange(len(load)) / 3)
     pressures = {"passive load steps": np.zeros(len(load)), "load steps": held}
@@ -126,12 +126,12 @@ def _closed_valve(specimen: str) -> Run:
     """Fill, close the valve for 20 s, open it and vent: at the top, then half way up."""
     once = steps((1.0, 1.0, 0.0), 8.0), np.repeat([1.0, 0.0, 1.0], 20)
     pressure = PRESSURE_MAX_PA * np.concatenate([once[0], 0.5 * once[0]])
-    # Closed from the end of the first hold; the command stands still meanwhile.
+    # Closed from the end of the first hold; the command is constant meanwhile.
     return Run("closed valve", specimen, pressure, np.zeros(len(pressure)), valve_open=np.tile(once[1], 2))
 
 
 def _step_response(specimen: str) -> Run:
-    """Steps of pressure up and down, two of two sizes, then three of load, sampled densely at first.
+    """Return steps of pressure, up and down, of two sizes, then three of load, sampled densely at first.
 
     Each follows a cycloid of 0.37 s: it makes a heavy joint swing at 1 to 4 Hz and leaves the bare one's own 8 Hz
     alone. A supply is late in the steps of pressure only, a sensor in all.
@@ -181,7 +181,7 @@ def _rich(specimen: str, load_steps: bool = True) -> list[Run]:
 
 
 def _payload(specimen: str) -> list[Run]:
-    """Payloads in shares of the robot's largest one."""
+    """Return runs with payloads in shares of the robot's largest one."""
     virgin, slow, fast, _ = _unloaded(specimen)
     lying = {"hanging": (0.0, 0.0, 0.0), "horizontal": (0.0, np.pi / 2, 0.0)}
     hung = [
@@ -205,7 +205,7 @@ def _example(specimen: str) -> list[Run]:
 
 
 def _begun(run: Run) -> Run:
-    """The same motion, recorded from within its first rise on; long runs also lack a stretch."""
+    """Return the motion recorded from within its first rise on; long runs also lack an interval."""
     course = np.abs(run.pressure_pa - run.pressure_pa[0]) / PRESSURE_MAX_PA
     course += np.abs(run.moment_n_m - run.moment_n_m[0]) / LOAD_N_M
     rising = np.diff(course) > 0
@@ -219,7 +219,7 @@ def _begun(run: Run) -> Run:
 
 
 def _coarse(specimen: str) -> list[Run]:
-    """Steps of 0.8 s and cycles of 4.8 and 3.2 s, at 2.5 Hz."""
+    """Return steps of 0.8 s and cycles of 4.8 and 3.2 s, at 2.5 Hz."""
     quick = PRESSURE_MAX_PA * steps((0.6, 0.0, 1.0, 0.4, 0.8, 0.0), 4.0, rise_s=0.8)
     load = LOAD_N_M * steps((1.0, -1.0, 0.5, 0.0), 4.0, rise_s=0.8)
     return [
@@ -248,7 +248,7 @@ NAMES = tuple(PROTOCOLS)
 
 
 def protocol(name: str, robot: Robot = JOINT) -> Protocol:
-    """The runs of a protocol that this robot can do, in the order in which they are done."""
+    """Return the runs of a protocol that this robot can perform, in their order."""
     if name not in PROTOCOLS:
         raise ValueError(f"no protocol '{name}': {', '.join(NAMES)}")
 

@@ -1,9 +1,9 @@
-"""The bench's tables, on the terminal and on the results page of docs: no figure on it is typed by hand.
+"""The bench's tables, on the terminal and on the results page of docs, whose figures are all generated.
 
     python -m benchmarks.evidence.publish
 
 makes the page and its pictures from the stored answers of the latest sealed run of each bed and from the ledger of all.
-The page's own words stay; what stands between `<!-- bench: NAME -->` and `<!-- end -->` is written anew.
+Text between `<!-- bench: NAME -->` and `<!-- end -->` is regenerated, the rest of the page is kept.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.evidence import ledger
 from benchmarks.evidence.bench_errors import MISTAKES
-from benchmarks.evidence.counting import of_all_beds, summary
+from benchmarks.evidence.counting import overall_tables, summary
 from benchmarks.evidence.form_table import FORMS, LAW_SHAPES, MISTAKE_FORMS, Form
 from benchmarks.evidence.tasks import MISTAKE_GROUPS, Plan, planned
 from benchmarks.evidence.truths import FOURTEEN, KINDS, UNKNOWN
@@ -31,7 +31,7 @@ MARK = pages.marks("bench")
 MAKING_S = {"joint": 3.0, "chain": 5.0, "four": 4.0, "finger": 3.0, "rod": 3.5}
 ASKING_S = {"joint": 5.0, "chain": 10.0, "four": 8.0, "finger": 15.0, "rod": 5.0}
 ORACLE_S = {"joint": 6.0, "chain": 6.0, "four": 4.0, "finger": 6.0}
-# Of a rich one: what a poor set takes. Where one effect does not explain the data, pairs are searched.
+# Cost of a poor set relative to a rich one. If one effect does not explain the data, pairs are searched.
 POOR = 0.33
 SEARCHED = ("unknown", "pair")
 SPECIAL = (
@@ -46,11 +46,11 @@ TIMES = {"diagnose": 1.0, "improve": 3.0, "suggested": 3.6, "random": 3.6}
 
 
 def stored() -> dict[str, Any]:
-    """All tables of the latest sealed run of each bed, from their stored answers, with the ledger."""
+    """Return all tables of the latest sealed run of each bed, from their stored answers, with the ledger."""
     head, items = ledger.read_answers()
     other_head, others = ledger.read_answers(ledger.ANSWERS_OF["law_off"])
     second = {"law_off": {**summary(others), **_run(other_head)}} if other_head else {}
-    both = of_all_beds(items, others)
+    both = overall_tables(items, others)
     return {**summary(items), **_run(head), "ledger": ledger.entries(), **second, "beds": both}
 
 
@@ -59,10 +59,10 @@ def _run(head: dict[str, Any]) -> dict[str, Any]:
 
 
 def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) -> None:
-    """Write the tables into the page and draw the pictures beside it.
+    """Write the tables into the page and draw its pictures.
 
     Raises:
-        UserError: the page asks for a table that there is none of.
+        UserError: the page asks for an unknown table.
     """
     from benchmarks.evidence.result_pictures import draw_all
 
@@ -71,12 +71,12 @@ def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) 
 
 
 def with_tables(text: str, data: dict[str, Any]) -> str:
-    """The page's text with its tables written anew."""
+    """Return the page's text with its tables updated."""
     return pages.rendered(text, MARK, {**TABLES, **LAW_OFF_TABLES}, data)
 
 
 def as_text(data: dict[str, Any]) -> str:
-    """All tables of `counting.summary` as text, and what was answered in every group."""
+    """Return all tables of `counting.summary` as text, and the answers in every group."""
     lines = [f"{data['n']} answers, {data['errors']} errors"]
     for table in (bars, law_off, kinds, unknown, strength, protocols, suggested, stated, times):
         shown = table({"law_off": data, "beds": data} if table is law_off else data)
@@ -84,14 +84,14 @@ def as_text(data: dict[str, Any]) -> str:
     for group, rows in data["confusion"].items():
         lines += [
             "",
-            f"What was hidden, and what was answered ({group}; {_of(data['ambiguous'][group])} ambiguous):",
+            f"What was hidden, and what was answered ({group}; {_ratio_text(data['ambiguous'][group])} ambiguous):",
         ]
         lines += [f"  {kind:20s} {_counts(row)}" for kind, row in rows.items()]
     return "\n".join(lines)
 
 
 def measured(data: dict[str, Any]) -> Iterator[str]:
-    """Which code was measured."""
+    """The measured code."""
     run = data.get("run")
     if not run:
         yield "No sealed run has ended yet: every cell of the tables below is *not tried*."
@@ -104,7 +104,7 @@ def measured(data: dict[str, Any]) -> Iterator[str]:
 
 
 def bars(data: dict[str, Any]) -> Iterator[str]:
-    """What was asked for, and what was reached."""
+    """Targets and results."""
     poor, plan, found, credible = data["poor"], data["plan"], data["calibration"], data["credible_set"]
     end = data["improve"]
     improved = f"**{_number(end['end_over_floor']['median'])}** of {end['n']}" if end["n"] else "not tried"
@@ -140,12 +140,12 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
 
 
 def runs(data: dict[str, Any]) -> Iterator[str]:
-    """Every sealed run, finished or not; the last one that ended is the one that counts."""
+    """Sealed runs, finished or not; the last finished one counts."""
     yield from _runs(data, "exact")
 
 
 def law_off_runs(data: dict[str, Any]) -> Iterator[str]:
-    """Every sealed run of laws that are off."""
+    """Sealed runs with inexact laws."""
     yield from _runs(data, "law_off")
 
 
@@ -155,7 +155,7 @@ def _runs(data: dict[str, Any], bed: str) -> Iterator[str]:
         if one.get("plan", {}).get("bed", "exact") != bed:
             continue
         figures = one.get("figures", {})
-        reached = [_share_of(figures.get(name)) for name in FIGURES]
+        reached = [_percent_text(figures.get(name)) for name in FIGURES]
         state = "" if one.get("finished") else "stopped" if "ended" in one else "killed, or still running"
         begun, done = one["began"][:16].replace("T", " "), f"{one.get('done', '?')}/{one['planned']}"
         what = (begun, f"`{one['commit']}`", f"`{one['code'] or '–'}`", done)
@@ -165,14 +165,14 @@ def _runs(data: dict[str, Any], bed: str) -> Iterator[str]:
 
 
 def forms(data: dict[str, Any]) -> Iterator[str]:
-    """What is hidden: every kind's equations in either split."""
+    """Hidden effects: the equations of every kind in either split."""
     for title, kinds_of in (("effect", KINDS), ("unknown effect", tuple(UNKNOWN))):
         rows = ((f"`{kind}`", FORMS[kind]) for kind in kinds_of)
         yield from _splits(title, rows)
 
 
 def law_off_forms(data: dict[str, Any]) -> Iterator[str]:
-    """What a law's error is made of, and what is wrong with a record, in either split."""
+    """Shapes of a law's error and mistakes of a record, in either split."""
     rows = [("a law's error", LAW_SHAPES), *((f"`{kind}`", MISTAKE_FORMS[kind]) for kind in MISTAKES)]
     yield from _splits("off", rows)
 
@@ -184,7 +184,7 @@ def _splits(title: str, rows: Iterable[tuple[str, Sequence[Sequence[Form]]]]) ->
 
 
 def law_off(data: dict[str, Any]) -> Iterator[str]:
-    """Laws that are off in shape, records that are wrong, classes that could be split, intervals."""
+    """Law errors of shape, wrong records, separable classes and intervals."""
     if "law_off" not in data:
         yield "No sealed run of laws that are off has ended yet."
         return
@@ -234,7 +234,7 @@ def law_off(data: dict[str, Any]) -> Iterator[str]:
 
 
 def kinds(data: dict[str, Any]) -> Iterator[str]:
-    """How often every effect was named."""
+    """Answers for every hidden effect."""
     answers = data["confusion"].get("effect", {})
     order = sorted(data["by_kind"].items(), key=lambda entry: (entry[0] not in FOURTEEN, entry[0]))
     if order:
@@ -244,9 +244,9 @@ def kinds(data: dict[str, Any]) -> Iterator[str]:
         (
             (
                 f"`{k}`",
-                _of(v),
-                _of(v["by_class"]),
-                ", ".join(f"{form} {_of(one)}" for form, one in data["by_form"][k].items()),
+                _ratio_text(v),
+                _ratio_text(v["by_class"]),
+                ", ".join(f"{form} {_ratio_text(one)}" for form, one in data["by_form"][k].items()),
                 _counts(answers.get(k, {}), _words, (k,)),
             )
             for k, v in order
@@ -255,18 +255,18 @@ def kinds(data: dict[str, Any]) -> Iterator[str]:
 
 
 def unknown(data: dict[str, Any]) -> Iterator[str]:
-    """Every effect that no plugin has, and every robot."""
+    """Answers for every effect without a plugin, and every robot."""
     answers, right = data["confusion"].get("unknown", {}), ("unknown_effect", "not_repeatable")
     rows = [
-        (f"`{kind}`", _of(value), _counts(answers.get(kind, {}), _words, right))
+        (f"`{kind}`", _ratio_text(value), _counts(answers.get(kind, {}), _words, right))
         for kind, value in data["unknown_by_form"].items()
     ]
-    rows += [(f"robot `{name}`", _of(value), "") for name, value in data["unknown_by_robot"].items()]
+    rows += [(f"robot `{name}`", _ratio_text(value), "") for name, value in data["unknown_by_robot"].items()]
     yield from pages.table("unknown effect | recognised | answered otherwise", rows)
 
 
 def strength(data: dict[str, Any]) -> Iterator[str]:
-    """By the RMS change of the readings."""
+    """Results by the RMS change of the readings."""
     bands = [band for band in data["by_snr"] if band["n"]]
     if bands:
         yield from ("![Share that is right by strength](pictures/bench_strength.png)", "")
@@ -277,9 +277,9 @@ def strength(data: dict[str, Any]) -> Iterator[str]:
 
 
 def protocols(data: dict[str, Any]) -> Iterator[str]:
-    """By protocol, engine and robot."""
+    """Results by protocol, engine and robot."""
     rows = [
-        (f"protocol `{name}`", value["effects"], _of(value["clean"]))
+        (f"protocol `{name}`", value["effects"], _ratio_text(value["clean"]))
         for name, value in data["by_protocol"].items()
     ]
     for what in ("engine", "robot"):
@@ -299,7 +299,7 @@ def suggested(data: dict[str, Any]) -> Iterator[str]:
     yield "|---|---|---|---|---|"
     for name, value in sorted(data["plan"].items(), reverse=True):
         runs = _counts(dict(list(value["runs"].items())[:6]), "`{}`".format)
-        yield f"| {name} | {_long(value)} | {_of(value['by_class'])} | {_of(value['top'])} | {runs} |"
+        yield f"| {name} | {_long(value)} | {_ratio_text(value['by_class'])} | {_ratio_text(value['top'])} | {runs} |"
 
 
 def stated(data: dict[str, Any]) -> Iterator[str]:
@@ -337,7 +337,7 @@ LAW_OFF_TABLES: pages.Tables = {table.__name__: table for table in (law_off, law
 
 
 def expected_time(plan: Plan) -> str:
-    """Sets and minutes of each group, on two cores, by the seconds that one was measured to take."""
+    """Return sets and minutes of each group, on two cores, from the measured seconds per set."""
     seconds: dict[str, list[float]] = {}
     for task in plan.tasks():
         robot, share = task.spec.robot, POOR if task.spec.protocol == "poor" else 1.0
@@ -354,10 +354,10 @@ def expected_time(plan: Plan) -> str:
 def _row(what: str, bar: str, value: dict[str, Any]) -> tuple[str, str, str, str]:
     if not value["n"]:
         return what, bar, "not tried", ""
-    return what, bar, f"**{_percent(value['share'])}**", f"{_interval(value)}, {_of(value)}"
+    return what, bar, f"**{_percent(value['share'])}**", f"{_interval(value)}, {_ratio_text(value)}"
 
 
-def _share_of(count: Sequence[int] | None) -> str:
+def _percent_text(count: Sequence[int] | None) -> str:
     return f"{100 * count[0] / count[1]:.1f} %" if count and count[1] else "–"
 
 
@@ -369,12 +369,12 @@ def _interval(value: dict[str, Any]) -> str:
     return f"{100 * value['low']:.1f}–{100 * value['high']:.1f}"
 
 
-def _of(value: dict[str, Any]) -> str:
+def _ratio_text(value: dict[str, Any]) -> str:
     return f"{value['right']}/{value['n']}" if value["n"] else "–"
 
 
 def _long(value: dict[str, Any]) -> str:
-    return f"{_percent(value['share'])} ({_of(value)}; {_interval(value)})" if value["n"] else "–"
+    return f"{_percent(value['share'])} ({_ratio_text(value)}; {_interval(value)})" if value["n"] else "–"
 
 
 def _words(answer: str) -> str:
@@ -383,7 +383,7 @@ def _words(answer: str) -> str:
 
 
 def _counts(answers: Mapping[str, int], words: Callable[[str], str] = str, but: Sequence[str] = ()) -> str:
-    """Answers and how often each was given, the most frequent first."""
+    """Return answers and their counts, the most frequent first."""
     shown = sorted(((a, n) for a, n in answers.items() if a not in but), key=lambda entry: -entry[1])
     return ", ".join(f"{words(a)} {n}" for a, n in shown)
 

@@ -26,7 +26,7 @@ VERDICTS = ("nothing_missing", "ambiguous", "unknown_effect", "not_repeatable", 
 
 
 def draw_all(data: dict[str, Any], folder: Path) -> None:
-    """Draw the three pictures as PNG files; none where nothing was answered."""
+    """Draw the three pictures as PNG files; none without answers."""
     if not data["n"]:
         return
     folder.mkdir(parents=True, exist_ok=True)
@@ -37,7 +37,7 @@ def draw_all(data: dict[str, Any], folder: Path) -> None:
 
 
 def matrix(data: dict[str, Any]) -> tuple[list[str], list[str], np.ndarray]:
-    """Rows (hidden), columns (answered), shares of each row in %."""
+    """Return rows (hidden), columns (answered), shares of each row in %."""
     groups = (data["confusion"].get(group, {}) for group in ("effect", "clean", "unknown"))
     rows = {kind: row for group in groups for kind, row in group.items()}
     hidden = [kind for kind in (*KINDS, CLEAN, *UNKNOWN) if kind in rows]
@@ -53,7 +53,7 @@ def matrix(data: dict[str, Any]) -> tuple[list[str], list[str], np.ndarray]:
 
 
 def confusion(data: dict[str, Any]) -> Any:
-    """A heat map, in % of each row."""
+    """Draw a heat map, in % of each row."""
     hidden, columns, shares = matrix(data)
     figure, axis = plt.subplots(
         figsize=(2.5 + 0.33 * len(columns), 2.2 + 0.27 * max(1, len(hidden))), layout="constrained"
@@ -77,7 +77,7 @@ def confusion(data: dict[str, Any]) -> Any:
 
 
 def reliability(data: dict[str, Any]) -> Any:
-    """Stated probability of the first hypothesis against the share that is true."""
+    """Draw the stated probability of the first hypothesis against the share of true ones."""
     found = data["calibration"]
     figure, axis = plt.subplots(figsize=(5, 4.6), layout="constrained")
     axis.plot([0, 1], [0, 1], color=GREY, lw=1)

@@ -1,4 +1,4 @@
-"""The robots under test: what the model says of them, as a study, and the same numbers for the truth engines."""
+"""The robots under test: their model, as a study, and the same numbers for the truth engines."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Robot:
     Attributes:
         modules, length_m, mass_kg: number of modules; length and mass of each.
         outputs: what its bench reads: `angle_rad` is the sum of the joint angles, tips are in the world.
-        second: what a second sensor reads, in the runs that have it.
+        second: readings of a second sensor, in the runs that have it.
         law: k_n, m_a, m_e, b_e of the study, and the whole truth of one that bends by joints.
         drive: the input's name; `drive_max` its largest value, which acts as `PRESSURE_MAX_PA` does.
     """
@@ -65,11 +65,11 @@ class Robot:
     def study(
         self, name: str, gravity: tuple[float, float, float] | None = None, exact_law: bool = True
     ) -> str:
-        """The study that the diagnoser gets: a stated law and a chain, nothing of the truth.
+        """Return the study that the diagnoser gets: a stated law and a chain, without the truth.
 
         Args:
-            gravity: as somebody wrongly states it, m/s²; by default it stands nowhere, for it is the usual one.
-            exact_law: the law is the truth's but for `LAW_ERROR`; otherwise nobody says how good it is.
+            gravity: wrongly stated gravity, m/s²; by default the study omits it, which means the usual one.
+            exact_law: the law is the truth's up to `LAW_ERROR`; otherwise its error is not stated.
         """
         per_drive = PRESSURE_MAX_PA / self.drive_max
         k_n, m_a, m_e, b_e = self.law
@@ -89,7 +89,7 @@ class Robot:
         )
 
 
-# What the study of an exact law says of it, once a study has that key.
+# Statement of the law's error in the study of an exact law, if a study has that key.
 LAW_ERROR_STATED = True
 LAW_ERROR = "law_error: 0.5 %\n"
 PAYLOAD_SHARE = 0.3

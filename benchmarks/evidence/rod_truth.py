@@ -1,9 +1,9 @@
 """A third source of truth, which shares no equation with the other two: an elastic rod in MuJoCo, pulled by a tendon.
 
-Eight short bodies with MuJoCo's own springs, damping, dry friction and limits; a spatial tendon runs beside them
-through sites, and its tension is the drive; the load is a moment at the tip. All motion is `mujoco.rollout`: of this
-test bed there are the inputs only. The rod is not a joint with a law: the study's law and the weight that the joint
-feels are fitted to the clean rod at rest (`fitted`), as somebody would who has the rod on a bench.
+Eight short bodies with MuJoCo's springs, damping, dry friction and limits; a spatial tendon runs along them through
+sites, and its tension is the drive; the load is a moment at the tip. All motion is `mujoco.rollout`: the test bed
+provides only the inputs. The rod is not a joint with a law: the study's law and the weight that acts on the joint are
+fitted to the clean rod at rest (`fitted`), as for a real rod on a bench.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ STOP_1_S2, STOP_1_S = 1e6, 1e4
 
 @dataclass(frozen=True)
 class Rod:
-    """What is hidden in a rod; the defaults are a clean one.
+    """Hidden parameters of a rod; the defaults are a clean one.
 
     Attributes:
         rod_stiffness, rod_arm: relative changes of springs and of the tendon's arm.
         rod_damping_s: damping over stiffness; rod_friction_n_m: dry friction in every joint.
         rod_lag_s: of the actuator's filter.
-        rod_limit_rad: of the whole bend, where every joint comes to its stop; rod_stop: how hard that is, 0 is none.
+        rod_limit_rad: of the whole bend, at which every joint reaches its stop; rod_stop: stiffness of the stop, 0
+            without one.
         rod_pull: error of the tendon's pull over its largest, at the nodes of `law_shapes.draw_pull`; empty: none.
     """
 
@@ -65,7 +66,7 @@ NAMES = tuple(field.name for field in fields(Rod))
 
 
 def mjcf(rod: Rod) -> str:
-    """The rod, hanging along −z; its joints bend the tip toward +x."""
+    """Return the rod, hanging along −z; its joints bend the tip toward +x."""
     part = LENGTH_M / PARTS
     arm = ARM_M * (1 + rod.rod_arm)
     spring = PARTS * STIFFNESS_N_M * (1 + rod.rod_stiffness)
@@ -99,7 +100,7 @@ def mjcf(rod: Rod) -> str:
 
 
 def follow(runs: Sequence[Run], rod: Rod) -> list[dict[str, Array]]:
-    """`angle_rad` and the tip of every run, (t,) each.
+    """Return `angle_rad` and the tip of every run, (t,) each.
 
     Raises:
         RuntimeError: the motion is not finite.
@@ -130,7 +131,7 @@ def _followed(model: Any, data: Any, run: Run, rod: Rod) -> dict[str, Array]:
 
 
 def _in_the_tube(run: Run) -> Array:
-    """The commanded drive; while the valve is closed, what it was before."""
+    """Return the commanded drive; while the valve is closed, the last value before."""
     drive = run.pressure_pa.copy()
     for i in np.flatnonzero(run.valve < 0.5):
         drive[i] = drive[i - 1]
@@ -139,7 +140,7 @@ def _in_the_tube(run: Run) -> Array:
 
 @cache
 def fitted() -> tuple[tuple[float, float, float, float], float]:
-    """(k_n, m_a, m_e, b_e) of a single joint's law and the module's mass, kg, that fit the clean rod at rest."""
+    """Fit (k_n, m_a, m_e, b_e) of a single joint's law and the module's mass, kg, to the clean rod at rest."""
     hold = np.ones(12)
     grid = [(p, m, 0.0) for p in np.linspace(0, 1, 7) for m in (-1.0, 0.0, 1.0)]
     grid += [(p, 0.0, pitch) for p in np.linspace(0, 1, 7) for pitch in (np.pi / 2, -np.pi / 2)]

@@ -5,19 +5,18 @@
     python -m benchmarks.evidence.run_bench --small            a handful of them, for CI
     python -m benchmarks.evidence.run_bench --bed law_off      sets whose joint law is off by 0.3 to 3 % in shape
     python -m benchmarks.evidence.run_bench --seeds 3 --kinds mullins none
-    python -m benchmarks.evidence.run_bench --summarise        the tables of what is there
-    python -m benchmarks.evidence.run_bench --shard 2/4        every fourth set from the second on, beside other shards
-    python -m benchmarks.evidence.run_bench --scheduler tcp://host:8786   diagnosers on a dask cluster
+    python -m benchmarks.evidence.run_bench --summarise        the tables of the existing results
+    python -m benchmarks.evidence.run_bench --shard 2/4        every fourth set from the second on, in parallel with
+    other shards python -m benchmarks.evidence.run_bench --scheduler tcp://host:8786   diagnosers on a dask cluster
 
-A sealed run writes itself into the ledger when it begins and when it ends, whatever it shows, and keeps its answers
-for the page (`python -m benchmarks.evidence.publish`). Change the code of the diagnosis, and its sets are others.
+A sealed run is written to the ledger when it begins and when it ends, whatever its result, and stores its answers for
+the page (`python -m benchmarks.evidence.publish`). A change of the diagnosis code changes its sets.
 
 Results are in benchmarks/out/evidence/NAME.jsonl, one line per set, and the tables in benchmarks/out/evidence.json.
 
-Sets are made and judged by this process, which holds the key: it draws truths, measures them, seals the labels, and
-opens them when all is done. Diagnosers, worker processes or those of a dask cluster that see the folder, get the paths
-of a study and a CSV, no more. Results are appended as lines of JSON that survive kill -9: a killed bench goes on where
-it was.
+Sets are made and judged by this process, which has the key: it draws truths, measures them, seals the labels, and opens
+them at the end. Diagnosers, worker processes or those of a dask cluster that see the folder, get only the paths of a
+study and a CSV. Results are appended as lines of JSON that survive kill -9: a killed bench is continued.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ from benchmarks.evidence.publish import as_text, expected_time
 from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
-from benchmarks.output import OUT, parser_of
+from benchmarks.output import OUT, make_parser
 
 from pliant.execution.executors import ProcessExecutor, executor_for
 from pliant.execution.jobs import JobQueue
@@ -85,9 +84,9 @@ ADDED = 2
 
 @dataclass(frozen=True)
 class Bench:
-    """Where a bench keeps its files: sets and results in `folder`, the key beside them.
+    """Files of a bench: sets and results in `folder`, the key next to it.
 
-    `shard` (part, of how many) takes every so-many-th task; shards share the folder, or a copy of its key.
+    `shard` (part, number of parts) selects every n-th task; shards share the folder, or a copy of its key.
     """
 
     folder: Path
@@ -102,13 +101,13 @@ class Bench:
         part, count = self.shard
         return self.folder / (f"{self.name}.jsonl" if count == 1 else f"{self.name}.{part}-of-{count}.jsonl")
 
-    def share_of(self, tasks: list[Task]) -> list[Task]:
-        """The tasks of this shard: every `count`-th one."""
+    def shard_tasks(self, tasks: list[Task]) -> list[Task]:
+        """Return the tasks of this shard: every `count`-th one."""
         part, count = self.shard
         return tasks[part - 1 :: count]
 
     def lines(self) -> dict[str, dict[str, Any]]:
-        """All results of this name, those of every shard."""
+        """Return all results of this name, of every shard."""
         files = [self.folder / f"{self.name}.jsonl", *sorted(self.folder.glob(f"{self.name}.*-of-*.jsonl"))]
         return {name: line for file in files for name, line in read(file).items()}
 
@@ -117,7 +116,7 @@ class Bench:
         return self.folder / "sets"
 
     def label(self, name: str, key: bytes) -> dict[str, Any]:
-        """The opened label of a set."""
+        """Open the label of a set."""
         return seal.unseal((self.sets / f"{name}{seal.SUFFIX}").read_text(), key)
 
     def key(self) -> bytes:
@@ -125,7 +124,7 @@ class Bench:
 
 
 def append(path: Path, line: dict[str, Any]) -> None:
-    """One line in one write at the end of the file, on the disk when this returns.
+    """Append one line in one write at the end of the file, on the disk on return.
 
     A piece of a line that a killed process left behind is closed off first and ignored by `read`.
     """
@@ -143,7 +142,7 @@ def append(path: Path, line: dict[str, Any]) -> None:
 
 
 def read(path: Path) -> dict[str, dict[str, Any]]:
-    """Lines by their `id`, the last one of each; what is no line of results is passed over."""
+    """Return lines by their `id`, the last one of each; other lines are skipped."""
     lines: dict[str, dict[str, Any]] = {}
     for text in path.read_text(errors="replace").splitlines() if path.exists() else ():
         try:
@@ -165,7 +164,7 @@ class Job:
     before: list[dict[str, Any]] = field(default_factory=list)
 
     def next_run(self, line: dict[str, Any]) -> str | None:
-        """The run to add after this answer; None where the task is done."""
+        """Return the run to add after this answer; None if the task is done."""
         if self.task.mode not in PLANS or len(self.runs) == ADDED or "error" in line:
             return None
         if self.task.mode == "random":
@@ -176,7 +175,7 @@ class Job:
 
 @contextlib.contextmanager
 def unmade(bench: Bench, name: str) -> Iterator[None]:
-    """A truth that its engine cannot follow is no question: it is noted, and counted as not made."""
+    """Record a truth that its engine cannot follow as not made instead of failing."""
     try:
         yield
     except (RuntimeError, np.linalg.LinAlgError) as error:
@@ -184,11 +183,12 @@ def unmade(bench: Bench, name: str) -> Iterator[None]:
 
 
 def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
-    """All tasks of the plan that have no result yet: sets are made here, where the key is, and asked about elsewhere.
+    """Run all tasks of the plan without a result: sets are made in this process, which has the key, and diagnosed in
+    others.
 
     Args:
-        scheduler: of a dask cluster that asks, its address or file: its workers see the folder under the same path. By
-            default processes of this machine ask.
+        scheduler: address or file of a dask cluster for the diagnoses, whose workers see the folder under the same
+            path. By default processes of this machine are used.
     """
     key, code = bench.key(), ledger.code_digest()
     found = read(bench.results)
@@ -196,7 +196,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
     if others:
         print(f"{others} results are by other code of pliant; --fresh forgets them", flush=True)
     done = {name for name, line in found.items() if "error" not in line}
-    named = [Job(task.secret_id(key), task) for task in bench.share_of(plan.tasks())]
+    named = [Job(task.secret_id(key), task) for task in bench.shard_tasks(plan.tasks())]
     waiting = [job for job in named if job.name not in done]
     print(f"{len(named)} sets, {len(named) - len(waiting)} done before", flush=True)
     bar = LogBar(partial(print, flush=True), "sets", len(waiting), 0)
@@ -234,7 +234,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
 
 
 def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
-    """The plan's results beside their opened labels, in the order of the plan."""
+    """Return the plan's results with their opened labels, in the order of the plan."""
     key, lines = bench.key(), bench.lines()
     named = ((task, task.secret_id(key)) for task in plan.tasks())
     there = [(task, name) for task, name in named if name in lines and "unmade" not in lines[name]]
@@ -245,7 +245,7 @@ def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
 def in_the_ledger(
     bench: Bench, plan: Plan, path: Path = ledger.LEDGER, kept: Path = ledger.ANSWERS
 ) -> Iterator[None]:
-    """A sealed run: a line when it begins, and one when it ends or is stopped, with what was answered by then."""
+    """Write a line of the ledger at the start and at the end or stop of a sealed run, with the answers by then."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     sets = len(replace(plan, share=1.0).tasks())
     began = {
@@ -271,7 +271,7 @@ def in_the_ledger(
 
 
 def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--name", help="of the results file; full or small by default")
     parser.add_argument("--small", action="store_true", help="a few of every group, for CI")
     parser.add_argument("--summarise", action="store_true", help="only the tables of what is there")

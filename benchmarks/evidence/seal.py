@@ -1,9 +1,8 @@
 """Labels that the diagnosing process cannot read.
 
 A label is added to a key stream (SHAKE-256 of the key and a fresh nonce, used once) and authenticated by
-HMAC-SHA256, so that a changed file is noticed. The bench's key lies in the judge's own file, readable by its
-owner only; an example's key comes from a passphrase. Nothing under `core/` or `plugins/` reads sealed files: a
-test looks.
+HMAC-SHA256, so that a changed file is detected. The bench's key is in the judge's file, readable by its owner only; an
+example's key comes from a passphrase. Nothing under `core/` or `plugins/` reads sealed files, which a test checks.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ class BrokenSealError(Exception):
 
 
 def seal(label: dict[str, Any], key: bytes) -> str:
-    """The label as one line of hexadecimal text: nonce, digest, secret."""
+    """Return the label as one line of hexadecimal text: nonce, digest, secret."""
     nonce = secrets.token_bytes(NONCE_BYTES)
     secret = _added(json.dumps(label).encode(), key, nonce)
     return "\n".join(part.hex() for part in (nonce, _digest(key, nonce, secret), secret)) + "\n"
 
 
 def unseal(text: str, key: bytes) -> dict[str, Any]:
-    """The label. Raises `BrokenSealError` where text or key are not those of `seal`."""
+    """Return the label. Raises `BrokenSealError` if text or key are not those of `seal`."""
     try:
         nonce, digest, secret = (bytes.fromhex(part) for part in text.split())
     except ValueError as error:
@@ -44,7 +43,7 @@ def unseal(text: str, key: bytes) -> dict[str, Any]:
 
 
 def judge_key(path: Path) -> bytes:
-    """The key in the judge's file; made on first use, for its owner's eyes only."""
+    """Return the key in the judge's file; created on first use, readable by its owner only."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(FileExistsError):
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -54,7 +53,7 @@ def judge_key(path: Path) -> bytes:
 
 
 def passphrase_key(passphrase: str, salt: bytes = b"pliant hidden effect") -> bytes:
-    """A key from a passphrase, slow enough that nobody tries all words (scrypt, RFC 7914)."""
+    """Derive a key from a passphrase, slowly enough to prevent a dictionary attack (scrypt, RFC 7914)."""
     normal = " ".join(passphrase.lower().split())
     return hashlib.scrypt(normal.encode(), salt=salt, n=2**14, r=8, p=1, dklen=KEY_BYTES)
 

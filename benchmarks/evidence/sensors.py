@@ -1,4 +1,4 @@
-"""What angle sensors of the truth say: play, lag, scale, waves, bias, and where they were put for a run."""
+"""Readings of the truth's angle sensors: play, lag, scale, waves, bias, and mounting position per run."""
 
 from __future__ import annotations
 
@@ -13,22 +13,24 @@ TWICE_TYPICAL_RAD = 0.8
 
 @dataclass(frozen=True)
 class Sensor:
-    """Of every angle that is read; the defaults are an ideal sensor.
+    """Sensor parameters of every angle that is read; the defaults are an ideal sensor.
 
     Attributes:
         bias_rad, scale: reading − angle at zero, and its slope − 1.
-        curvature, curvature_shape: by how much the scale grows over `curvature_over_rad`, over the scale, and how.
-        bias_warming, bias_warming_s: share of the bias that comes within a run, and its time constant.
-        bias_wave, bias_period_rad: its share that turns with the angle.
-        play_rad, play_knee: lost motion before the sensor, and how far its three parts differ in width.
-        play_cushion: share of the angle that comes past the play.
+        curvature, curvature_shape: relative growth of the scale over `curvature_over_rad`, and its shape.
+        bias_warming, bias_warming_s: share of the bias that develops within a run, and its time constant.
+        bias_wave, bias_period_rad: share of the bias that is periodic in the angle.
+        play_rad, play_knee: lost motion before the sensor, and the difference in width of its three parts.
+        play_cushion: share of the angle that is transmitted within the play.
         late_average: the reading is the mean over twice `late_s` instead of two stages.
         late_s, late_second: the first stage's time constant, and the second stage's over it.
         late_falling: the first stage's time constant for falling readings over that for rising ones.
-        slip_rad, slip_sides: standard deviation of where it was put, per run; always as far, to either side.
+        slip_rad, slip_sides: standard deviation of the mounting angle per run; if slip_sides, always this angle to
+            either side.
         wave_rad, wave_period_rad, wave_phase, wave_triangle: an eccentric encoder.
-        tilted_rad, tilted_turns, tilted_phase: error that goes with its place in space, so many times around in a turn.
-        warm_rad, warm_s: error in warmth, per 30 °C, and the time in which it comes.
+        tilted_rad, tilted_turns, tilted_phase: error that depends on the sensor's orientation in space, `tilted_turns`
+            periods per turn.
+        warm_rad, warm_s: error due to temperature, per 30 °C, and its time constant.
     """
 
     bias_rad: float = 0.0
@@ -63,7 +65,7 @@ class Sensor:
 def sensed(
     angle: Array, time_s: Array, sensor: Sensor, slip: float, warm_c: float = 0.0, pitch_rad: float = 0.0
 ) -> Array:
-    """(t,) what the sensor says of an angle.
+    """Return the (t,) reading of an angle.
 
     `slip` is the run's own, in standard deviations, `warm_c` above the room's temperature, `pitch_rad` of the base.
     """
@@ -93,12 +95,12 @@ def sensed(
 
 
 def _along(shape: float, x: Array) -> Array:
-    """How far a change has come, as `forms.along`; odd."""
+    """Return the progress of a change, as `forms.along`; odd."""
     return np.sign(x) * np.array([along(shape, abs(value)) for value in x.tolist()])
 
 
 def averaged(angle: Array, time_s: Array, window_s: float) -> Array:
-    """(t,) the mean over the window before each sample; a run begins in balance."""
+    """Return the (t,) mean over the window before each sample; a run begins in balance."""
     clock = time_s - time_s[0]
     fine = np.linspace(0.0, clock[-1], 20 * len(clock))
     turned = np.interp(fine, clock, angle)  # straight between samples: its integral in fine parts
@@ -109,7 +111,7 @@ def averaged(angle: Array, time_s: Array, window_s: float) -> Array:
 
 
 def play(angle: Array, width: float) -> Array:
-    """The play operator: the output is dragged by either side of a gap of this width; it starts in the middle."""
+    """Apply the play operator: the output is dragged by either side of a gap of this width, from its middle."""
     out = angle.copy()
     for i in range(1, len(out)):
         out[i] = min(max(out[i - 1], angle[i] - width / 2), angle[i] + width / 2)
@@ -117,7 +119,7 @@ def play(angle: Array, width: float) -> Array:
 
 
 def late(angle: Array, time_s: Array, constant_s: float, falling: float, parts: int = 8) -> Array:
-    """A first-order stage from balance, in `parts` exact steps between samples; slower by `falling` downward."""
+    """Apply a first-order stage from balance, in `parts` exact steps per sample; slower by `falling` downward."""
     out, state = np.empty(len(angle)), float(angle[0])
     out[0] = state
     for i in range(1, len(angle)):

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, rod_truth
 from benchmarks.evidence.bench_errors import done
 from benchmarks.evidence.form_table import Split
-from benchmarks.evidence.law_shapes import draw_pull, law_of
+from benchmarks.evidence.law_shapes import draw_law_shape, draw_pull
 from benchmarks.evidence.protocols import ROOM_C, Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, ROD, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
@@ -27,7 +27,7 @@ from benchmarks.evidence.truths import (
     Truth,
     draw,
     hidden_kinds,
-    parameters_of,
+    hidden_parameters,
     right_verdicts,
     right_where_the_law_is_off,
 )
@@ -69,8 +69,8 @@ class Spectrum:
 SPECTRA = {"judged": Spectrum(), "calibration": Spectrum(0.65, 2.5, 0.2)}
 
 
-def noise_of(spectrum: Spectrum, clock: Array, rng: np.random.Generator) -> Array:
-    """(t,) noise of unit σ for a run sampled at these times: coloured and white, with an offset."""
+def draw_noise(spectrum: Spectrum, clock: Array, rng: np.random.Generator) -> Array:
+    """Return (t,) noise of unit σ for a run sampled at these times: coloured and white, with an offset."""
     keep = np.exp(-np.diff(clock) / spectrum.correlation_s).tolist()
     pushes = rng.standard_normal(len(clock)).tolist()
     coloured = [pushes[0]]  # the first value has the stationary spread
@@ -93,7 +93,7 @@ class SetSpec:
     `kind` is "a+b" where two effects are hidden; `snr` is the RMS change of the outputs in σ that each makes alone;
     None draws it from `SNR_RANGE`. `draw` makes other sets of the same seeds. The joint law is off by `law_error`, a
     share of its torque range, in the shape of `law_seed`; at 0 it is the truth's own, as exact as `truths.draw` has it.
-    `candidates`: what is hidden has the candidate's own equation.
+    `candidates`: the hidden effect has the candidate's equation.
     """
 
     kind: str
@@ -109,7 +109,7 @@ class SetSpec:
     candidates: bool = False
 
     def generator(self) -> np.random.Generator:
-        """Random numbers of this set alone."""
+        """Return the random generator of this set."""
         text = f"{self.kind} {self.seed} {self.engine} {self.robot} {self.protocol} {self.split} {self.snr}{self.draw}"
         if self.law_error or self.candidates:
             text += f" {self.law_error} {self.law_seed} {self.candidates}"
@@ -118,7 +118,7 @@ class SetSpec:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSet:
-    """What the bench gives away (`study`, `csv`) and what it hides (`label`).
+    """The public (`study`, `csv`) and the hidden part (`label`) of a set.
 
     `clean` and `hidden` are the noiseless outputs without and with the effect, `measured` the hidden ones with noise of
     the size `sigma`.
@@ -143,32 +143,32 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     rng = spec.generator()
     robot = ALL_ROBOTS[spec.robot]
     runs = protocol(spec.protocol, robot)
-    truth = truth_of(spec, rng)
+    truth = draw_truth(spec, rng)
     slips = rng.standard_normal(len(runs))
     drawn_snrs = [float(rng.uniform(*SNR_RANGE)) for _ in truth.parts]
     targets = drawn_snrs if spec.snr is None else [spec.snr] * len(truth.parts)
 
-    def outputs_of(part: HiddenTruth, engine: str) -> Follow:
+    def output_function(part: HiddenTruth, engine: str) -> Follow:
         return lambda *strengths: follow(engine, robot, runs, part.at(*strengths), slips)
 
-    clean = outputs_of(truth, spec.engine)(*_nothing(truth))
+    clean = output_function(truth, spec.engine)(*_nothing(truth))
     sigma = noise_sizes(clean)
     scaled = []  # each part to its own target
     for index, target in enumerate(targets if spec.kind != CLEAN else ()):
         part, guess = truth.alone(index), target / 2
         largest = part.parts[0].largest
         if part.parts[0].unscaled:
-            read = outputs_of(part, spec.engine)(1.0)
+            read = output_function(part, spec.engine)(1.0)
             scaled.append(Scaled(1.0, read, signal(clean, read, sigma)))
             continue
-        if spec.engine not in ("functional", "rod"):  # the fast engine knows nearly the strength
-            still = outputs_of(part, "functional")
+        if spec.engine not in ("functional", "rod"):  # the fast engine gives an approximate strength
+            still = output_function(part, "functional")
             nearly = _scaled(still, largest, still(), sigma, target, guess)
             guess = nearly.strength if nearly.signal > 0 else guess
-        scaled.append(_scaled(outputs_of(part, spec.engine), largest, clean, sigma, target, guess))
+        scaled.append(_scaled(output_function(part, spec.engine), largest, clean, sigma, target, guess))
     hidden = scaled[0].outputs if len(scaled) == 1 else clean
     if len(scaled) > 1:
-        hidden = outputs_of(truth, spec.engine)(*(part.strength for part in scaled))
+        hidden = output_function(truth, spec.engine)(*(part.strength for part in scaled))
     snr = signal(clean, hidden, sigma)
     measured = _with_noise(hidden, sigma, runs, spec.split, rng)
     csv = to_csv(runs, measured, robot)
@@ -188,9 +188,9 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
             name: value
             for part, one in zip(truth.parts, scaled, strict=False)
             if spec.candidates
-            for name, value in parameters_of(part, one.strength).items()
+            for name, value in hidden_parameters(part, one.strength).items()
         },
-        **_law_label(spec, truth, outputs_of, clean, sigma),
+        **_law_label(spec, truth, output_function, clean, sigma),
         "csv_sha256": hashlib.sha256(csv.encode()).hexdigest(),
     }
     study = robot.study(name, truth.stated_gravity, exact_law=not spec.law_error)
@@ -198,12 +198,12 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
 
 def _nothing(truth: HiddenTruth) -> list[float]:
-    """The strengths of a truth that hides nothing."""
+    """Return zero strengths of a truth."""
     return [0.0 for part in truth.parts if part.unscaled]
 
 
-def truth_of(spec: SetSpec, rng: np.random.Generator | None = None) -> HiddenTruth:
-    """The truth of a set without its strengths; `rng` is the set's own from its beginning."""
+def draw_truth(spec: SetSpec, rng: np.random.Generator | None = None) -> HiddenTruth:
+    """Draw the truth of a set without its strengths; `rng` is the set's own generator from its start."""
     robot = ALL_ROBOTS[spec.robot]
     truth = draw(spec.kind, spec.engine, robot, spec.split, rng or spec.generator(), spec.candidates)
     if not spec.law_error:
@@ -212,7 +212,7 @@ def truth_of(spec: SetSpec, rng: np.random.Generator | None = None) -> HiddenTru
     if spec.engine == "rod":
         _, pull = draw_pull(spec.law_error, spec.split, np.random.default_rng(spec.law_seed))
         return replace(truth, error={}, drawn=drawn, pull=tuple(pull.tolist()))
-    law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot, spec.protocol)
+    law = draw_law_shape(spec.law_error, spec.law_seed, spec.split, spec.robot, spec.protocol)
     return replace(
         truth, error={}, drawn=drawn | {f"law.{k}": v for k, v in law.drawn.items()}, law=law.table
     )
@@ -225,19 +225,19 @@ def _law_label(
     clean: Outputs,
     sigma: dict[str, float],
 ) -> dict[str, Any]:
-    """What a label says of a law that is off: its basis, how large it is, and how far it moves these readings, in σ."""
+    """Return a label's entries on the law's error: its basis, its size, and its influence on these readings, in σ."""
     if not spec.law_error:
         return {}
     form, largest = "a pull", None
     exact = outputs_of(replace(truth, law=None, pull=()), spec.engine)(*_nothing(truth))
     if spec.engine != "rod":
-        law = law_of(spec.law_error, spec.law_seed, spec.split, spec.robot, spec.protocol)
+        law = draw_law_shape(spec.law_error, spec.law_seed, spec.split, spec.robot, spec.protocol)
         form, largest = law.form, law.largest
     return {"law_form": form, "law_largest": largest, "law_snr": signal(clean, exact, sigma)}
 
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
-    """Noiseless outputs of every run: what its sensors read."""
+    """Return noiseless outputs of every run: the readings of its sensors."""
     if engine == "rod":
         every = zip(runs, rod_truth.follow(runs, truth.rod), strict=True)
         kept = ((slice(None) if run.kept is None else run.kept, read) for run, read in every)
@@ -259,7 +259,7 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
 
 
 def noise_sizes(clean: Outputs) -> dict[str, float]:
-    """σ of every output: a share of its range, of the largest range for the tip's three coordinates."""
+    """Return σ of every output: a share of its range, of the largest range for the tip's three coordinates."""
     names = list(dict.fromkeys(name for run in clean for name in run))
     ranges = {name: float(np.ptp(_joined(clean, name))) for name in names}
     widest = max((ranges[name] for name in names if name in TIPS), default=0.0)
@@ -267,13 +267,13 @@ def noise_sizes(clean: Outputs) -> dict[str, float]:
 
 
 def signal(clean: Outputs, hidden: Outputs, sigma: dict[str, float]) -> float:
-    """RMS change over all readings, in σ."""
+    """Return RMS change over all readings, in σ."""
     changes = [(_joined(hidden, key) - _joined(clean, key)) / sigma[key] for key in sigma]
     return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
 class Scaled(NamedTuple):
-    """One effect alone at its strength: what the bench would read, and how far that is from clean, in σ."""
+    """One effect alone at its strength: the bench's readings, and their difference from clean ones, in σ."""
 
     strength: float
     outputs: Outputs
@@ -283,7 +283,7 @@ class Scaled(NamedTuple):
 def _scaled(
     outputs: Follow, largest: float, clean: Outputs, sigma: dict[str, float], target: float, guess: float
 ) -> Scaled:
-    """At the strength at which the signal is the target, or at the largest sensible one below it.
+    """Return the truth with the target signal, or at the largest sensible strength if that is below it.
 
     The signal grows about as a power of the strength: secants of their logarithms. Where the truth has no equilibrium
     at a strength, that is beyond the largest sensible one.
@@ -316,9 +316,9 @@ def _scaled(
 
 
 def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split: Split, rng: Any) -> Outputs:
-    """The readings with noise of each output in turn, run by run."""
+    """Return the readings with noise of each output in turn, run by run."""
     clocks = [run.recorded().time_s for run in runs]
-    drawn = {key: [noise_of(SPECTRA[split], clock, rng) for clock in clocks] for key in sigma}
+    drawn = {key: [draw_noise(SPECTRA[split], clock, rng) for clock in clocks] for key in sigma}
     return [
         {key: values + sigma[key] * drawn[key][i] for key, values in run.items()}
         for i, run in enumerate(outputs)
@@ -326,12 +326,12 @@ def _with_noise(outputs: Outputs, sigma: dict[str, float], runs: Protocol, split
 
 
 def _joined(outputs: Outputs, key: str) -> Array:
-    """The output over the runs that have it."""
+    """Return the output over the runs that have it."""
     return np.concatenate([run[key] for run in outputs if key in run])
 
 
 def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
-    """The measurement CSV of docs/measurement_files.md: what was commanded and read, nothing else."""
+    """Return the measurement CSV of docs/measurement_files.md: commanded and read values only."""
     runs = tuple(run.recorded() for run in runs)
     names = list(dict.fromkeys(name for run in outputs for name in run))
     turns = ["base_roll_rad", "base_pitch_rad"]
@@ -366,7 +366,7 @@ def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
 
 
 def bench_run(run: PlannedRun, robot: Robot, number: int = 1) -> Run:
-    """A run of the catalogue as the bench does it: same inputs, loads and conditions; `number` names a new specimen."""
+    """Return a run of the catalogue as performed: same inputs, loads and conditions; `number` names a new specimen."""
     history = run.history
     roll, pitch, yaw = (float(angle) for angle in history.base_angles_rad[0])
     return Run(
@@ -383,13 +383,13 @@ def bench_run(run: PlannedRun, robot: Robot, number: int = 1) -> Run:
 
 
 def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed: int = 0) -> str:
-    """The CSV of these runs alone, recorded after those of the set: `pliant diagnose --data set.csv --data added.csv`.
+    """Return the CSV of these runs, recorded after the set: `pliant diagnose --data set.csv --data added.csv`.
 
     The truth, its strength and the noise's size are those of the set; the noise is new, and the same for the same
     seed.
     """
     robot, before = ALL_ROBOTS[spec.robot], protocol(spec.protocol, ALL_ROBOTS[spec.robot])
-    truth = truth_of(spec)
+    truth = draw_truth(spec)
     added = [bench_run(run, robot, number) for number, run in enumerate(runs, 1)]
     every = (*before, *added)
     rng = np.random.default_rng([seed, *spec.generator().integers(0, 2**31, 4)])

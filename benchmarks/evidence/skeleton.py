@@ -1,4 +1,4 @@
-"""The robots' bodies: hinges in a row, with what a truth changes of them, and what an ideal bench reads.
+"""The robots' bodies: hinges in a row, with the truth's changes, and the readings of an ideal bench.
 
 A skeleton is described straight, hanging along −z; every hinge's axis, the vector to the next one and the mass of the
 piece that it carries are given in that pose. Modules bend about −y, so that positive angles turn the tip toward +x.
@@ -17,7 +17,7 @@ BARS_DRAG_1_S = 4.0
 
 @dataclass(frozen=True)
 class Body:
-    """What a truth changes of the bodies; the defaults change nothing.
+    """Changes of the bodies by a truth; the defaults change nothing.
 
     Attributes:
         fitting_kg, fitting_share, fitting_side_m: a point mass on every piece, at a share of its length, off its axis.
@@ -27,7 +27,7 @@ class Body:
         interface: compliance of each connection between modules over that of a joint at rest.
         interface_cubic: its torque's third power, over the linear one at 0.1 rad.
         twist_rad, twist_tilt: the bending axes' turn about the chain, and its share by which they differ along it.
-        twist_bow: its share that comes with the square of the place along the chain.
+        twist_bow: its share that grows with the square of the position along the chain.
         stretch: strain of the pieces at the largest pressure, along a power of the pressure or soon and then no more.
         stretch_taper: by how much more the last piece stretches than one in the middle, over it.
         tilt_x_rad, tilt_y_rad, tilt_z_rad: rotation vector of the base, in world axes of the bench at rest.
@@ -90,7 +90,7 @@ class Skeleton:
 
 
 def skeleton(robot: Robot, body: Body, payload_kg: float = 0.0) -> Skeleton:
-    """The robot's hinges with the body's changes, and a point mass at the tip."""
+    """Return the robot's hinges with the body's changes, and a point mass at the tip."""
     down = np.array([0.0, 0.0, -1.0])
     rows: list[tuple[Array, Array, float, Array, float, int, float]] = []
     before = robot.length_m / 2 * down
@@ -131,7 +131,7 @@ def skeleton(robot: Robot, body: Body, payload_kg: float = 0.0) -> Skeleton:
 
 
 def _piece(length: float, rod_kg: float, body: Body, bare: bool) -> tuple[float, Array, float]:
-    """Mass, centre and inertia of a uniform rod with its fittings; `bare` without them."""
+    """Return mass, centre and inertia of a uniform rod with its fittings; `bare` without them."""
     fitting = 0.0 if bare else body.fitting_kg
     mass = rod_kg + fitting
     rod, point = (
@@ -144,7 +144,7 @@ def _piece(length: float, rod_kg: float, body: Body, bare: bool) -> tuple[float,
 
 
 def turn(vector: Array) -> Array:
-    """(3, 3) rotation by a rotation vector (Rodrigues)."""
+    """Return the (3, 3) rotation by a rotation vector (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     if angle == 0.0:
         return np.eye(3)
@@ -154,19 +154,19 @@ def turn(vector: Array) -> Array:
 
 
 def base_turn(angles_rad: tuple[float, float, float], body: Body) -> Array:
-    """(3, 3) of the base: turned about world x, y, z in that order, with the mount's own tilt inside."""
+    """Return (3, 3) attitude of the base: turned about world x, y, z in that order, with the mount's tilt inside."""
     x, y, z = (turn(angle * np.eye(3)[k]) for k, angle in enumerate(angles_rad))
     return z @ y @ x @ body.tilt
 
 
 def gravity_on(angles_rad: tuple[float, float, float], body: Body) -> Array:
-    """(3,) gravity as the base sees it, m/s²."""
+    """Return (3,) gravity in the frame of the base, m/s²."""
     gravity = np.array([body.gravity_x_m_s2, body.gravity_y_m_s2, body.gravity_z_m_s2])
     return base_turn(angles_rad, body).T @ gravity
 
 
 def stretches(body: Body, count: int, share: Array) -> Array:
-    """(t, count + 1) length of every piece over that at rest, base first, at shares (t,) of the largest pressure."""
+    """Return (t, count + 1) stretches of every piece, base first, at shares (t,) of the largest pressure."""
     if body.stretch_saturating > 0.0:
         grown = -np.expm1(-body.stretch_saturating * share) / -np.expm1(-body.stretch_saturating)
     else:
@@ -176,7 +176,7 @@ def stretches(body: Body, count: int, share: Array) -> Array:
 
 
 def tips(bones: Skeleton, angles: Array, base: Array, longer: Array | None = None) -> Array:
-    """(t, 3) the tip in the world, of hinge angles (t, n), with pieces `longer` (t, n + 1) than at rest by factors."""
+    """Return (t, 3) the tip in the world, of hinge angles (t, n), with pieces stretched by `longer` (t, n + 1)."""
     if longer is None:
         longer = np.ones((len(angles), len(bones.axes) + 1))
     rotation = np.broadcast_to(base, (len(angles), 3, 3))
@@ -190,7 +190,7 @@ def tips(bones: Skeleton, angles: Array, base: Array, longer: Array | None = Non
 
 
 def joint_angles(bones: Skeleton, angles: Array) -> Array:
-    """(t, modules) what a sensor on each module reads: its joint and half of each connection beside it."""
+    """Return the readings (t, modules) of a sensor on each module: its joint and half of each adjacent connection."""
     columns = []
     for i in range(int(bones.module.max()) + 1):
         (j,) = np.flatnonzero(bones.module == i)
@@ -206,7 +206,7 @@ def readings(
     body: Body | None = None,
     share: Array | None = None,
 ) -> dict[str, Array]:
-    """Everything that an ideal bench could read of hinge angles (t, n), (t,) each; `share` (t,) of pressure."""
+    """Return all ideal readings of hinge angles (t, n), (t,) each; `share` (t,) of pressure."""
     body = body or Body()
     bones = skeleton(robot, body)
     longer = None if share is None else stretches(body, len(bones.axes), share)

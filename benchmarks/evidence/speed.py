@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from benchmarks.output import ROOT, Bar, ratio, seconds_of, write
+from benchmarks.output import ROOT, Bar, ratio, time_calls, write
 
 from pliant import api
 from pliant.records.design import Array
@@ -42,9 +42,9 @@ def main() -> None:
         usual = api.read_measurement(opened, [CSV])
         sets = {"usual": usual, "long": recorded(opened, swings()), "many": recorded(opened, holds())}
         workers = {"usual": 1, "long": 1, "many": min(2, os.cpu_count() or 1)}
-        api.diagnose(opened, usual)  # compiles what is not compiled yet
+        api.diagnose(opened, usual)  # triggers compilation
         taken = {
-            name: seconds_of(
+            name: time_calls(
                 partial(api.diagnose, opened, measurement, workers=workers[name]), clock=time.perf_counter
             )
             for name, measurement in sets.items()
@@ -63,25 +63,25 @@ def main() -> None:
 
 
 def swings() -> list[History]:
-    """Two long runs in which the pressure swings slowly."""
+    """Return two long runs with slow swings of the pressure."""
     clock = STEP_S * np.arange(LONG // 2)
     pressure = {"pressure_pa": PRESSURE_PA * (0.5 - 0.5 * np.cos(clock / SWING_S))}
-    return [History.of(pressure, clock, run=name, specimen="A") for name in ("one", "two")]
+    return [History.from_arrays(pressure, clock, run=name, specimen="A") for name in ("one", "two")]
 
 
 def holds() -> list[History]:
-    """Many short runs: up at one of five rates to one of forty levels, a hold, half the way down, a hold."""
+    """Return many short runs: up at one of five rates to one of forty levels, a hold, half down, a hold."""
     clock, runs = STEP_S * np.arange(EACH), []
     for k in range(MANY):
         top, rise = PRESSURE_PA * (0.2 + 0.02 * (k % 40)), 1.0 + 0.6 * (k // 40 % 5)
         turn = 0.6 * clock[-1]
         pressure = np.interp(clock, [0.0, rise, turn, turn + rise], [0.0, top, top, 0.5 * top])
-        runs.append(History.of({"pressure_pa": pressure}, clock, run=f"r{k}", specimen="A"))
+        runs.append(History.from_arrays({"pressure_pa": pressure}, clock, run=f"r{k}", specimen="A"))
     return runs
 
 
 def recorded(opened: api.OpenStudy, runs: Sequence[History]) -> Measurement:
-    """The runs as a stiffer joint reads them."""
+    """Return the runs with the readings of a stiffer joint."""
     stiffness = opened.bench.registry.get("effect", "stiffness").config_model()
     hidden = stiffness.model_validate({"kind": "stiffness", "factor": STIFFER})
     truth = api.predictor(opened, read(runs, [np.zeros(len(run)) for run in runs])).predict((hidden,))
@@ -90,7 +90,7 @@ def recorded(opened: api.OpenStudy, runs: Sequence[History]) -> Measurement:
 
 
 def read(runs: Sequence[History], angles: Sequence[Array]) -> Measurement:
-    """Runs with their readings."""
+    """Return runs with their readings."""
     found = [
         MeasuredRun(run, {OUTPUT: angle}, {}, np.ones(len(run)), np.arange(len(run)) + 2)
         for run, angle in zip(runs, angles, strict=True)

@@ -1,4 +1,4 @@
-"""What the bench does: which sets are made, and what is asked about each."""
+"""Tasks of the bench: the sets and the questions about each."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from benchmarks.evidence.truths import (
     PLUS,
     UNKNOWN,
     Engine,
-    robots_of,
+    kind_robots,
 )
 
 # Poor sets that get two more runs: the proposed ones, or any of the menu.
@@ -46,9 +46,9 @@ PLAN_SEED = 1000
 SHOWN = tuple(
     kind
     for kind in KINDS
-    if robots_of(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
+    if kind_robots(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
 )
-# What beginnings and samples matter for.
+# Kinds that depend on initial states and sampling.
 QUICK = ("viscous_damping", "supply_lag", "friction_hysteresis", "viscoelastic", "sensor_lag")
 QUICK_PROTOCOLS = ("midway", "coarse")
 NAMED = (*KINDS, CLEAN, *UNKNOWN)
@@ -65,13 +65,13 @@ TRUTH_FILES = (
 
 @cache
 def truth_digest() -> str:
-    """Digest of the code that makes the sets."""
+    """Return digest of the code that makes the sets."""
     here = Path(__file__).parent
     return digest(here / f"{name}.py" for name in TRUTH_FILES.split())
 
 
 def digest(files: Iterable[Path]) -> str:
-    """Digest of the files' contents, in the order given."""
+    """Return digest of the files' contents, in the order given."""
     found = hashlib.sha256()
     for file in files:
         found.update(hashlib.sha256(file.read_bytes()).digest())
@@ -87,7 +87,7 @@ class Task:
     mode: Mode = "diagnose"
 
     def secret_id(self, key: bytes) -> str:
-        """A name that does not tell the kind, the same after a restart with the same key and the same truths."""
+        """Return a name that does not reveal the kind, reproducible with the same key and the same truths."""
         text = f"{self.group} {self.mode} {self.spec} {truth_digest()}".encode()
         return hashlib.blake2b(text, key=key, digest_size=8).hexdigest()
 
@@ -98,7 +98,7 @@ BEDS: tuple[Bed, Bed] = ("exact", "law_off")
 MISSED, MISSED_SEED = ("tilted_sensor", "detent"), 2000
 # Where a recording begins while its pressure rises, what was before is not known, and no interval could hold.
 INTERVAL_PROTOCOL = "rich_open"
-# What the bench wrote down wrongly, by group: the kind, and the protocol that shows it.
+# Errors of the bench's records, by group: the kind, and the protocol that shows it.
 MISTAKE_GROUPS = {
     "payload": ("wrong_payload", "payload"),
     "clock": ("wrong_clock", "rich"),
@@ -108,7 +108,7 @@ MISTAKE_GROUPS = {
 
 @dataclass(frozen=True)
 class Plan:
-    """How many sets of what.
+    """The number of sets of each group.
 
     Attributes:
         bed: of laws that are the truth's own but for 0.4 %, or of laws that are off by a random share and shape.
@@ -152,8 +152,8 @@ class Plan:
     interval: int = 0
 
     def tasks(self) -> list[Task]:
-        """All tasks, or the first `share` of them, in an order in which any beginning is a fair part of every group."""
-        usual = {kind: robots_of(kind)[0] for kind in (*KINDS, CLEAN)}
+        """Return all tasks, or the first `share` of them, in an order in which any prefix represents every group."""
+        usual = {kind: kind_robots(kind)[0] for kind in (*KINDS, CLEAN)}
         every = [Task("effect", self._set(kind, seed)) for kind in KINDS for seed in range(self.seeds)]
         every += [Task("clean", self._turn(CLEAN, seed)) for seed in range(self.clean)]
         for kind in UNKNOWN:
@@ -164,7 +164,7 @@ class Plan:
             for kind, robot in usual.items():
                 every += [Task(name, self._set(kind, seed, robot, name)) for seed in range(count)]
         for name, kind, seed in itertools.product(QUICK_PROTOCOLS, (*QUICK, CLEAN), range(self.quick)):
-            robot = usual[kind] if seed % 2 == 0 else robots_of(kind)[1]
+            robot = usual[kind] if seed % 2 == 0 else kind_robots(kind)[1]
             every.append(Task(name, self._set(kind, seed, robot, name)))
         for kind in (*rod_truth.CHANGES, CLEAN) if self.split == "judged" else ():
             for seed in range(self.rods * (3 if kind == CLEAN else 1)):
@@ -177,7 +177,7 @@ class Plan:
         for kind in KINDS:
             sets = (self._set(kind, seed, usual[kind]) for seed in range(self.improve))
             every += [Task("improve", spec, "improve") for spec in sets]
-        for seed, kind in enumerate(pairs_of(self.split, self.pairs)):
+        for seed, kind in enumerate(effect_pairs(self.split, self.pairs)):
             every.append(Task("pair", self._set(kind, seed, "joint")))
         every += self._mistaken()
         for kind in MISSED:
@@ -193,13 +193,13 @@ class Plan:
         return mixed[: max(1, round(self.share * len(mixed)))]
 
     def _mistaken(self) -> Iterator[Task]:
-        """Sets whose record is wrong, robots in turn."""
+        """Yield sets with a wrong record, robots in turn."""
         for group, (kind, name) in MISTAKE_GROUPS.items():
             for seed in range(getattr(self, group)):
                 yield Task(group, replace(self._turn(kind, seed), protocol=name))
 
     def _turn(self, kind: str, seed: int) -> SetSpec:
-        """A set of the robot whose turn it is, and of the engine whose turn it is among those of that robot."""
+        """Return a set of the next robot, and of the next engine among those of that robot."""
         name = TURNS[seed % len(TURNS)]
         engines = ENGINES[self.split, name == "joint"]
         engine = engines[seed // len(TURNS) % len(engines)]
@@ -209,7 +209,7 @@ class Plan:
         self, kind: str, seed: int, robot: str = "", protocol: str = "", snr: float | None = None
     ) -> SetSpec:
         other = self.other_every > 0 and seed % self.other_every == self.other_every - 1
-        usual, second = robots_of(kind.split(PLUS)[0])
+        usual, second = kind_robots(kind.split(PLUS)[0])
         name = robot or (second if other else usual)
         engines = ENGINES[self.split, name == "joint"]
         engine = engines[(seed + seed // self.other_every if self.other_every else seed) % len(engines)]
@@ -217,7 +217,7 @@ class Plan:
 
 
 def with_law_off(spec: SetSpec) -> SetSpec:
-    """The same set with a law that is off: size and shape are drawn from the set's own name."""
+    """Return the set with an inexact law: size and shape of its error are drawn from the set's name."""
     name = hashlib.sha256(f"law {spec}".encode()).digest()
     rng = np.random.default_rng(int.from_bytes(name[:16]))
     size = float(np.exp(rng.uniform(*np.log(SIZES))))
@@ -225,7 +225,7 @@ def with_law_off(spec: SetSpec) -> SetSpec:
 
 
 def _interleaved(tasks: Sequence[Task]) -> list[Task]:
-    """Groups evenly mixed: after a share of the whole, each group has had that share of its sets, kinds in turn.
+    """Mix groups evenly: any prefix has the same share of each group's sets, kinds in turn.
 
     Within a seed the kinds come in an order of the seed's own; both ways of adding runs to a set stand side by side.
     """
@@ -249,12 +249,12 @@ def _interleaved(tasks: Sequence[Task]) -> list[Task]:
 
 
 def planned(plan: Plan) -> dict[str, int]:
-    """Sets of each group in the whole plan, whatever share of it is done."""
+    """Return the number of sets of each group in the whole plan, whatever share of it is done."""
     return dict(Counter(task.group for task in replace(plan, share=1.0).tasks()))
 
 
-def pairs_of(split: Split, count: int) -> list[str]:
-    """Names "a+b" of two hidden effects: all pairs of `PAIRED` in the split's random order, from the front again."""
+def effect_pairs(split: Split, count: int) -> list[str]:
+    """Return names "a+b" of two hidden effects: all pairs of `PAIRED` in the split's random order, repeated."""
     every = [PLUS.join(sorted(pair)) for pair in itertools.combinations(PAIRED, 2)]
     order = np.random.default_rng(list(split.encode())).permutation(len(every))
     return [every[order[i % len(every)]] for i in range(count)]
@@ -290,8 +290,8 @@ PLAN_OF: dict[Bed, Plan] = {
 }
 
 
-def tasks_of(group: str, count: int, split: str, bed: Bed = "exact") -> list[Task]:
-    """The first tasks of a group, kinds in turn."""
+def group_tasks(group: str, count: int, split: str, bed: Bed = "exact") -> list[Task]:
+    """Return the first tasks of a group, kinds in turn."""
     each = -(-count // len(KINDS))
     sizes = {
         "effect": {"seeds": each},
@@ -315,7 +315,7 @@ SMALL_KINDS += ("tendon_friction", "torque_ripple", "run_slip")
 
 
 def small_plan(bed: Bed = "exact") -> Plan:
-    """A few of every group for CI: at most ten minutes on two cores."""
+    """Return a few sets of every group for CI: at most ten minutes on two cores."""
     few = {"seeds": 1, "clean": 2, "unknown": 1, "quick": 1, "plan": 1}
     none = dict.fromkeys(("pairs", "weak", "poor", "noload", "improve"), 0)  # a plan begins with a poor set
     if bed == "exact":

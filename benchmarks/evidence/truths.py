@@ -22,7 +22,7 @@ from benchmarks.evidence.bench_errors import (
     Vector,
     gravities,
 )
-from benchmarks.evidence.form_table import CANDIDATE_FORMS, MISTAKE_FORMS, SPLITS, Split, forms_of
+from benchmarks.evidence.form_table import CANDIDATE_FORMS, MISTAKE_FORMS, SPLITS, Split, kind_forms
 from benchmarks.evidence.forms import Forms
 from benchmarks.evidence.robots import B_E, Array, Robot
 from benchmarks.evidence.rod_truth import Rod
@@ -67,7 +67,7 @@ THIRTEEN = (
     "link_stretch",
 )
 KINDS = (*FOURTEEN, *THIRTEEN)
-# Two of these are hidden together: any two, each found on one joint by itself.
+# Two of these are hidden together: any two, each identifiable alone on one joint.
 PAIRED = FOURTEEN
 # What no plugin has, and the verdicts that count as right. Repeats disagree in those that also allow `not_repeatable`.
 UNKNOWN: Mapping[str, Right] = {
@@ -89,7 +89,7 @@ UNKNOWN: Mapping[str, Right] = {
 # Of them, those that are functions of the actuation and the angle of a joint alone: where the law is off anyway, "the
 # law is off" says of them what can be known.
 STATIC_UNKNOWN = ("gain_bump", "wall_buckling", "detent")
-# An answer that says that nothing is missing but the law's own shape, and the name of that shape in classes.
+# An answer that reports only the law's shape as missing, and the name of that shape in classes.
 LAW_OFF, LAW = "law_off", "law"
 # Where a kind makes sense: most sets are made of the first robot, some of the second.
 ROBOTS_OF: Mapping[str, tuple[str, str]] = {
@@ -133,10 +133,10 @@ class Part:
 
     Attributes:
         kind: one of `KINDS`, `UNKNOWN` or `CLEAN`; form: of the table of forms, by name.
-        change: fields of `Forms`, `Body` and `Sensor` at a strength; 1 is about 2 σ under a rich protocol, 0 is none.
-        largest: the strength beyond which the form makes no sense.
+        change: fields of `Forms`, `Body` and `Sensor` at a strength; 1 is about 2 σ under a rich protocol, 0 no change.
+        largest: the strength beyond which the form is meaningless.
         drawn: its random numbers, by name.
-        stated_gravity: what the study says of gravity, m/s²; None where it says nothing.
+        stated_gravity: gravity in the study, m/s²; None if it is not stated.
     """
 
     kind: str
@@ -148,7 +148,7 @@ class Part:
 
     @property
     def unscaled(self) -> bool:
-        """It is as strong as it is: strength 1."""
+        """Return whether the strength is fixed at 1."""
         return self.kind in UNSCALED
 
 
@@ -169,47 +169,47 @@ class HiddenTruth:
     pull: tuple[float, ...] = ()
 
     def at(self, *strengths: float) -> Truth:
-        """The truth with each part at its strength; parts without one are absent."""
+        """Return the truth with each part at its strength; parts without one are absent."""
         changes: dict[str, float] = {}
         for part, strength in zip(self.parts, strengths, strict=False):
             changes.update(part.change(strength))
 
-        def of(names: Any) -> dict[str, float]:
-            """Fields by the record that has them; no two records have one of the same name."""
+        def select_fields(names: Any) -> dict[str, float]:
+            """Return fields by the record that has them; no two records have one of the same name."""
             return {name: value for name, value in changes.items() if name in names}
 
         shape = {} if self.law is None else {"law": self.law}
-        forms = Forms(**{**self.error, **shape, **of(Forms._fields)})
-        body, sensor, rod, bench = (one(**of(one.__dataclass_fields__)) for one in RECORDS)
+        forms = Forms(**{**self.error, **shape, **select_fields(Forms._fields)})
+        body, sensor, rod, bench = (one(**select_fields(one.__dataclass_fields__)) for one in RECORDS)
         return Truth(forms, body, sensor, replace(rod, rod_pull=self.pull), bench)
 
     @property
     def stated_gravity(self) -> Vector | None:
-        """What the study says of gravity; None where it says nothing."""
+        """Return the gravity in the study; None if it is not stated."""
         return next((part.stated_gravity for part in self.parts if part.stated_gravity), None)
 
     def alone(self, index: int) -> HiddenTruth:
-        """The same truth with one of its parts only."""
+        """Return the truth with only one of its parts."""
         return replace(self, parts=(self.parts[index],))
 
 
 def hidden_kinds(kind: str) -> tuple[str, ...]:
-    """The effects that a set of this kind hides: none, one, or two of "a+b"."""
+    """Return the effects that a set of this kind hides: none, one, or two of "a+b"."""
     return () if kind == CLEAN else tuple(sorted(kind.split(PLUS)))
 
 
-def robots_of(kind: str) -> tuple[str, str]:
-    """The usual robot of a kind, and the other one."""
+def kind_robots(kind: str) -> tuple[str, str]:
+    """Return the usual robot of a kind, and the other one."""
     return ROBOTS_OF.get(kind, USUAL_ROBOTS)
 
 
 def right_verdicts(kind: str) -> Right:
-    """Verdicts that count as right; `missing_effect` also needs the kinds selected."""
+    """Return verdicts that count as right; `missing_effect` also needs the right kinds."""
     return ("nothing_missing",) if kind == CLEAN else UNKNOWN.get(kind, ("missing_effect",))
 
 
 def right_where_the_law_is_off(kind: str) -> Right:
-    """The same for a set whose law is off: there it is right to say so of a clean robot, and of what is static."""
+    """Return the right verdicts with an inexact law: LAW_OFF is also right for a clean robot and static effects."""
     if kind == CLEAN:
         return ("nothing_missing", LAW_OFF, "insufficient_data")
     return right_verdicts(kind) + ((LAW_OFF,) if kind in STATIC_UNKNOWN else ())
@@ -328,7 +328,7 @@ SIGNED += ("wrong_payload", "wrong_clock")
 def draw_part(
     kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator, candidates: bool = False
 ) -> Part:
-    """One effect of one of the split's forms, or of the candidate's own, with random numbers.
+    """Draw one effect of one of the split's forms, or of the candidate's form, with random numbers.
 
     Raises:
         ValueError: a kind that this test bed has not.
@@ -340,7 +340,7 @@ def draw_part(
     if engine == "rod":
         return _rod_part(kind, rng)
     largest, change = CHANGES.get(kind) or MISTAKE_CHANGES[kind]
-    every = (CANDIDATE_FORMS[kind],) if candidates else _forms_of(kind, split)
+    every = (CANDIDATE_FORMS[kind],) if candidates else _mistake_or_kind_forms(kind, split)
     possible = [
         form
         for form in every
@@ -359,18 +359,18 @@ def draw_part(
     return Part(kind, form.name, lambda s: fields | change(s, v), largest, drawn, stated)
 
 
-def _forms_of(kind: str, split: Split) -> tuple[Any, ...]:
-    return MISTAKE_FORMS[kind][SPLITS.index(split)] if kind in MISTAKES else forms_of(kind, split)
+def _mistake_or_kind_forms(kind: str, split: Split) -> tuple[Any, ...]:
+    return MISTAKE_FORMS[kind][SPLITS.index(split)] if kind in MISTAKES else kind_forms(kind, split)
 
 
-def parameters_of(part: Part, strength: float) -> dict[str, float]:
-    """ "kind.name": value of the candidate's parameters that make the same readings, of a part with its equation."""
+def hidden_parameters(part: Part, strength: float) -> dict[str, float]:
+    """Return "kind.name": value of the candidate's parameters with the same readings, for a part with its equation."""
     found = PARAMETERS[part.kind](SimpleNamespace(**part.change(strength)))
     return {f"{part.kind}.{name}": value for name, value in found.items()}
 
 
 def _rod_part(kind: str, rng: np.random.Generator) -> Part:
-    """An effect of a rod, in MuJoCo's own terms."""
+    """Return an effect of a rod, in MuJoCo's terms."""
     largest, name, size, signed = rod_truth.CHANGES[kind]
     sign = float(rng.choice([-1.0, 1.0])) if signed else 1.0
     limit = float(rng.uniform(*rod_truth.LIMITS_RAD))
@@ -383,7 +383,7 @@ def _rod_part(kind: str, rng: np.random.Generator) -> Part:
 def draw(
     kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator, candidates: bool = False
 ) -> HiddenTruth:
-    """A truth of this kind with random parameters and a random error of the model's law.
+    """Draw a truth of this kind with random parameters and a random error of the model's law.
 
     Raises:
         ValueError: a kind that this test bed has not.

@@ -1,4 +1,4 @@
-"""Work on one set: make it and further runs, with the key; or ask, without it, in a process of its own."""
+"""Work on one set: make it and further runs, with the key; or diagnose it, without the key, in a separate process."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ KEPT |= {"n_effective", "next_experiment", "steps", "bookkeeping"}
 # Of a hypothesis the judge needs no more, and of its parameters.
 HYPOTHESIS = ("kinds", "probability", "rmse_over_floor", "parameters")
 PARAMETER = ("value", "sd", "low", "high")
-# Its sets are also given to the scorer that knows the true forms.
+# Its sets are also given to the scorer with the true forms.
 ORACLE_GROUP = "poor"
 # Any run of the menu, drawn at random.
 ANY = "*"
 
 
 def make(task: Task, name: str, folder: Path, key: bytes) -> None:
-    """Write NAME.csv, NAME_study.yaml and NAME.sealed, unless they are there."""
+    """Write NAME.csv, NAME_study.yaml and NAME.sealed, unless they exist."""
     from benchmarks.evidence.sets import make_set
 
     sealed = folder / f"{name}{seal.SUFFIX}"
@@ -47,7 +47,7 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> None:
 
 
 def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list[str]:
-    """The runs of these names (`ANY`: drawn), done by the set's own truth, as NAME_added.csv.
+    """Make the runs of these names (`ANY`: drawn) with the set's truth, as NAME_added.csv.
 
     Returns their names. Runs that are drawn differ from each other.
     """
@@ -60,7 +60,7 @@ def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list
     with tempfile.TemporaryDirectory() as store:
         opened = api.open_study(folder / f"{name}_study.yaml", store=Path(store))
         model = api.predictor(opened, folder / f"{name}.csv")
-        runs = timed_catalogue(BenchScale.of_measurement(model.chain, model.measurement))
+        runs = timed_catalogue(BenchScale.from_measurement(model.chain, model.measurement))
     rng = np.random.default_rng(_seed(name))
     order = iter(rng.permutation(len(runs)))
     named = {run.name: run for run in runs}
@@ -71,7 +71,7 @@ def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list
 
 @dataclass(frozen=True)
 class Question:
-    """What a diagnoser's process is given: paths of a study and of CSVs by the set's name, no more.
+    """The input of a diagnoser's process: only paths of a study and of CSVs by the set's name.
 
     Attributes:
         verb: `diagnose` or `improve`, a function of the `module`.
@@ -86,7 +86,7 @@ class Question:
 
 
 def ask(question: Question) -> dict[str, Any]:
-    """In a diagnoser's process: the line of results of one set."""
+    """Diagnose one set in a diagnoser's process; return its line of results."""
     name, path = question.name, str(question.folder / question.name)
     data = [f"{path}.csv", *([f"{path}_added.csv"] if question.added else [])]
     start, cpu = time.perf_counter(), time.process_time()

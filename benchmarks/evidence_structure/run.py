@@ -1,11 +1,11 @@
-"""Truth that nobody injected: the loop on a direct FEM of four modules, judged on two, three, six and eight.
+"""Structural error instead of an injected effect: `improve` on direct FEM of four modules, scored on other lengths.
 
     python -m benchmarks.evidence_structure.run [--extended STUDY] [--solve STATES] [--picture FILE]
 
 `pliant improve` gets the recording of four modules (examples/clamped_chain/four.csv) and the chain of single-module
 laws. The study that it writes then predicts, with `chain.modules` overridden, bodies and forces that it has not
-seen. `--extended` takes a study that `improve` wrote before instead of running it. `--solve` makes the FEM states anew
-(hours), each written as it is found, and the measurement files of examples/clamped_chain from them.
+seen. `--extended` takes a study that `improve` wrote before instead of running it. `--solve` recomputes the FEM states
+(hours), each written when it is found, and the measurement files of examples/clamped_chain from them.
 
 The bodies are those of `benchmarks/families/chain_hypothesis.py`: clamped all over the base section, closed by a plate
 of the same rubber, no weight, the mesh and the material of the single-module law. A state is one JSON object a line:
@@ -15,7 +15,7 @@ One measurement file per number of modules, all with the same four runs (a press
 both signs without pressure, and three pressures under each force) and, in `<name>_unseen.csv`, forces twice as large.
 The training file gets noise, Gaussian with the standard deviations in its `sigma_` columns, its seed the number of
 modules: those of a camera that sees a point to 0.1 mm and therefore the turn of a module of 11 mm to about 0.01 rad.
-The other files are the FEM's own numbers, since they are what predictions are judged by.
+The other files are FEM results without noise, since predictions are scored with them.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from typing import Any
 
 import numpy as np
 from benchmarks.families import chain_hypothesis
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, make_parser, write
 
 from pliant import api
-from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.evidence.prediction import Predictor, read_study_measurement
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array
 
@@ -53,7 +53,7 @@ State = dict[str, Any]
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--extended", type=Path, default=None)
     parser.add_argument("--solve", type=Path, default=None)
     parser.add_argument("--picture", type=Path, default=None)
@@ -70,16 +70,16 @@ def main() -> None:
         if extended is None:
             extended = Path(folder) / "improved.yaml"
             found = improved(extended, Path(folder) / "store")
-        rows = [row_of(name, modules, extended, Path(folder) / "store") for modules, name in files()]
+        rows = [error_row(name, modules, extended, Path(folder) / "store") for modules, name in files()]
     for row in rows:
         print(sentence(row))
-    write("evidence_structure", {"improve": found, "cases": rows}, [bar_of(rows)])
+    write("evidence_structure", {"improve": found, "cases": rows}, [error_reduction_bar(rows)])
     if given.picture:
         draw(rows, given.picture)
 
 
 def solve(out: Path) -> None:
-    """All states of each body, free ones first: each is the start of those with a force at its pressure."""
+    """Solve all states of each body, free ones first: each is the start of those with a force at its pressure."""
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.yaml"
         study.write_text(chain_hypothesis.STUDY)
@@ -109,7 +109,7 @@ def append(modules: int, state: Any, out: Path) -> None:
 
 
 def record(states: Sequence[State], folder: Path) -> None:
-    """The measurement files of solved states: what a bench would have recorded of each body."""
+    """Write the measurement files of solved states: the recording of each body on a bench."""
     for modules in sorted({state["modules"] for state in states}):
         mine = sorted((s for s in states if s["modules"] == modules), key=lambda s: s["pressure_pa"])
         noise = np.random.default_rng(modules) if modules == TRAINING else None
@@ -130,17 +130,17 @@ def record(states: Sequence[State], folder: Path) -> None:
 
 
 def force(state: State) -> float:
-    """Across the body, in the world's x: toward where pressure bends it."""
+    """Return the force across the body, in the world's x, in the direction of bending by pressure."""
     return float((chain_hypothesis.TO_WORLD @ np.array(state["tip_force_n"]))[0])
 
 
 def pushed(states: Sequence[State], wanted: Callable[[float], bool]) -> list[State]:
-    """The states under some forces, by rising pressure."""
+    """Return the states under some forces, by rising pressure."""
     return [state for state in states if wanted(force(state))]
 
 
 def save(path: Path, runs: dict[str, list[State]], modules: int, random: np.random.Generator | None) -> None:
-    """The CSV; with noise it states its standard deviations."""
+    """Write the CSV; with noise it states its standard deviations."""
     outputs = [*(f"joint_{k}_angle_rad" for k in range(1, modules + 1)), "tip_x_m", "tip_z_m"]
     sigma = np.array([*[SIGMA_ANGLE_RAD] * modules, SIGMA_TIP_M, SIGMA_TIP_M])
     noise = [] if random is None else [f"sigma_{name}" for name in outputs]
@@ -159,7 +159,7 @@ def save(path: Path, runs: dict[str, list[State]], modules: int, random: np.rand
 
 
 def files() -> list[tuple[int, str]]:
-    """Number of modules and stem of every recording, those that were fitted first."""
+    """Return number of modules and stem of every recording, fitted ones first."""
     found = [(n, f"{word}{suffix}") for n, word in SEEN.items() for suffix in ("", "_unseen")]
     there = [(n, name) for n, name in found if (EXAMPLE / f"{name}.csv").is_file()]
     return sorted(there, key=lambda item: (item[0] != TRAINING, item))
@@ -177,15 +177,15 @@ def improved(out: Path, store: Path) -> dict[str, Any]:
 def errors(
     study: Path, modules: int, name: str, store: Path, effects: Sequence[EffectConfig] = ()
 ) -> tuple[Array, Array, float]:
-    """Of a study's chain of so many modules, with further effects, against one file.
+    """Return errors of a study's chain with `modules` modules and further effects against one file.
 
     Returns:
         Errors of the tip (t,) in m and of its turn (t,) in rad; the length of the chain, m.
     """
     overrides = [f"chain.modules={modules}", f"measurements.file={EXAMPLE / name}.csv"]
     opened = api.open_study(study, overrides, store=store)
-    measured = measurement_of_study(opened.bench, opened.study, None)
-    predictor = Predictor.of_study(opened.bench, opened.study, measured)
+    measured = read_study_measurement(opened.bench, opened.study, None)
+    predictor = Predictor.from_study(opened.bench, opened.study, measured)
     tips, turns = [], []
     for run, said in zip(measured.runs, predictor.predict(effects), strict=True):
         missed = {key: run.outputs[key] - said[key] for key in said}
@@ -194,8 +194,8 @@ def errors(
     return np.concatenate(tips), np.concatenate(turns), predictor.chain.length_m
 
 
-def row_of(name: str, modules: int, extended: Path, store: Path) -> dict[str, Any]:
-    """Root mean square and largest errors before and after; m and rad."""
+def error_row(name: str, modules: int, extended: Path, store: Path) -> dict[str, Any]:
+    """Return root mean square and largest errors before and after; m and rad."""
     row: dict[str, Any] = {"file": name, "modules": modules}
     for word, used in (("plain", STUDY), ("improved", extended)):
         tip_m, turn_rad, row["length_m"] = errors(used, modules, name, store)
@@ -205,8 +205,8 @@ def row_of(name: str, modules: int, extended: Path, store: Path) -> dict[str, An
     return {**row, "fall": row["tip_plain_m"] / row["tip_improved_m"]}
 
 
-def bar_of(rows: list[dict[str, Any]]) -> Bar:
-    """The fall over all unseen numbers of modules together, in shares of the length."""
+def error_reduction_bar(rows: list[dict[str, Any]]) -> Bar:
+    """Return the reduction over all unseen numbers of modules together, in shares of the length."""
     unseen = [row for row in rows if row["modules"] != TRAINING]
     size = {
         word: np.sqrt(np.mean([(row[f"tip_{word}_m"] / row["length_m"]) ** 2 for row in unseen]))
@@ -228,7 +228,7 @@ def sentence(row: dict[str, Any]) -> str:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Tip errors over the number of modules, before and after, forces that were fitted and twice as large ones."""
+    """Draw tip errors over the number of modules, before and after, for fitted forces and twice as large ones."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -8,8 +8,8 @@ converged elements and for plain displacement elements, which lock as the publis
 Constrained: the published runs hold the pressure and push against the end with an edge force F. Its line of action
 is not stated. Read here as a dead force along the module's rest axis that acts at height η above the plate's
 mid-plane on the end section: it has the potential F x(θ, e), x = (1 + e) L sin θ/θ + η sin θ, so that it shortens as
-well as turns the piece. η = 11.5 mm is the tube's axis. Beside it: the study's own reading of the same data as a
-pure moment F (13 mm + z).
+well as turns the piece. η = 11.5 mm is the tube's axis. Compared with it: the study's interpretation of the same data
+as a pure moment F (13 mm + z).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.families.published_y import free_curve, solver_of
-from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
+from benchmarks.families.published_y import free_curve, make_solver
+from benchmarks.output import REFERENCE, Bar, make_parser, reference_table, write
 from scipy.optimize import minimize_scalar
 
 from pliant.records.design import Array
@@ -52,11 +52,11 @@ class Published(NamedTuple):
 
 def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
     problem = BellowBending(BellowBendingConfig.model_validate(FINGER)).problem(refinement)
-    return solver_of(problem, mu, pressure_max_pa=16.5e3, dilatation=dilatation)
+    return make_solver(problem, mu, pressure_max_pa=16.5e3, dilatation=dilatation)
 
 
 def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, Any]:
-    """μ on the free curve and the RMS that is left, as a share of the curve's RMS."""
+    """Fit μ to the free curve; return it and the RMS residual, as a share of the curve's RMS."""
     model = solver(MU_PA, refinement, dilatation)
     states = [model.rest()]
     for pressure in FREE_PA:
@@ -76,7 +76,7 @@ def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, 
 
 
 def pushed(model: SkfemSolver, free: FemState, forces: Sequence[float], height: float) -> Array:
-    """Half angles under dead edge forces on the whole module, each from the one before."""
+    """Return half angles under dead edge forces on the whole module, each from the one before."""
     here = model.newton.at(free.solution, free.actuation)
     angles = []
     for force in forces:
@@ -86,7 +86,7 @@ def pushed(model: SkfemSolver, free: FemState, forces: Sequence[float], height: 
 
 
 def under_force(model: SkfemSolver, start: FemEquilibrium, force: float, height: float) -> FemEquilibrium:
-    """Equilibrium under one force: its efforts on θ and e follow the angle until both agree; half is solved."""
+    """Solve under one force: its efforts on θ and e follow the angle until both agree; half is solved."""
     nothing = np.zeros(2, bool)
     here, before = start, np.inf
     while abs(here.point.x[-2] - before) > SETTLED_RAD:
@@ -97,14 +97,14 @@ def under_force(model: SkfemSolver, start: FemEquilibrium, force: float, height:
 
 
 def arms(span: float, height: float, theta: float, strain: float) -> Array:
-    """∂x/∂θ and ∂x/∂e of x = (1 + e) L sin θ/θ + η sin θ."""
+    """Return ∂x/∂θ and ∂x/∂e of x = (1 + e) L sin θ/θ + η sin θ."""
     by_theta = (theta * np.cos(theta) - np.sin(theta)) / theta**2 if abs(theta) > 1e-4 else -theta / 3
     along = float(np.sinc(theta / np.pi))
     return np.array([(1 + strain) * span * by_theta + height * np.cos(theta), span * along])
 
 
 def constrained(published: Published, mu: float, refinement: int, every: int) -> list[dict[str, Any]]:
-    """Angle under the edge force at three pressures, for three heights and as a pure moment."""
+    """Return angle under the edge force at three pressures, for three heights and as a pure moment."""
     model = solver(mu, refinement, "cell")
     results, state = [], model.rest()
     for pressure in BARS:
@@ -119,7 +119,7 @@ def constrained(published: Published, mu: float, refinement: int, every: int) ->
 
 
 def by_moment(model: SkfemSolver, free: FemState, moments: Sequence[float]) -> Array:
-    """Half angles under pure moments on the whole module."""
+    """Return half angles under pure moments on the whole module."""
     here, angles = free, []
     for moment in moments:
         here = model.loaded(free.actuation, moment, here)
@@ -132,7 +132,7 @@ def rms(values: Array) -> float:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--fast", action="store_true", help="coarse mesh and every sixth force only")
     fast = parser.parse_args().fast
     if not TABLE.exists():

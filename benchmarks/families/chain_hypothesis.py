@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import parser_of, write
+from benchmarks.output import make_parser, write
 
 from pliant import api
 from pliant.config.study import Study
-from pliant.pipeline.study import chain_of_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.study import build_study_chain
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.structure import StructureState
@@ -56,7 +56,7 @@ TO_WORLD = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])  # b
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--modules", type=int, nargs="+", default=[1, 2, 3, 4, 6, 8])
     parser.add_argument("--picture", type=Path, default=None)
     given = parser.parse_args()
@@ -72,13 +72,16 @@ def main() -> None:
         draw(rows, given.picture)
 
 
-def solved(bench: Workbench, study: Study, modules: int) -> list[dict[str, Any]]:
-    """All cases of one number of modules."""
+def solved(bench: RunContext, study: Study, modules: int) -> list[dict[str, Any]]:
+    """Solve all cases of one number of modules."""
     begun = time.perf_counter()
     family, backend, material, engine = (
         bench.build(name, getattr(study, name)) for name in ("family", "fem", "material", "physics")
     )
-    body, chain = backend.structure(family.structure(modules), material), chain_of_study(bench, study).chain
+    body, chain = (
+        backend.structure(family.structure(modules), material),
+        build_study_chain(bench, study).chain,
+    )
     rows, free = [], {0.0: body.rest()}
     # Axial strain of a free module's plate at each pressure.
     solver, stretch = backend.solver(family.problem(), material), {}
@@ -101,7 +104,7 @@ def solved(bench: Workbench, study: Study, modules: int) -> list[dict[str, Any]]
 
 
 def compared(length: float, state: StructureState, angles: Array, strain: float) -> dict[str, Any]:
-    """The chain's error and its parts; lengths in m, angles in rad."""
+    """Return the chain's error and its parts; lengths in m, angles in rad."""
     turns, modules = np.diff(state.turns_rad), len(angles)
     ends = [0, modules - 1]
     mixed = angles.copy()
@@ -134,7 +137,7 @@ def compared(length: float, state: StructureState, angles: Array, strain: float)
 
 
 def planar_tip(length: float, angles: Array) -> Array:
-    """(x, z) of the tip of links l/2, l, …, l, l/2 that turn toward −z."""
+    """Return (x, z) of the tip of links l/2, l, …, l, l/2 that turn toward −z."""
     links = length * np.concatenate([[0.5], np.ones(len(angles) - 1), [0.5]])
     heading = np.concatenate([[0.0], np.cumsum(angles)])
     return np.array([np.sum(links * np.cos(heading)), -np.sum(links * np.sin(heading))])
@@ -155,7 +158,7 @@ def sentence(row: dict[str, Any]) -> str:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Errors over the number of modules."""
+    """Draw errors over the number of modules."""
     import matplotlib
 
     matplotlib.use("Agg")

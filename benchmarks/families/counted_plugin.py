@@ -15,7 +15,7 @@ from pliant.registry.hookspecs import hookimpl
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 
-CONTRACT = 2
+CONTRACT = 3
 
 
 class CountedConfig(SkfemConfig):
@@ -48,6 +48,6 @@ def _logged(solve: Callable[..., FemState], what: str) -> Callable[..., FemState
 
 @hookimpl
 def pliant_components() -> list[Component]:
-    """The backend."""
+    """Return the backend."""
     here = (f"{__name__}:CountedConfig", f"{__name__}:Counted")
     return [Component("fem", "counted_skfem", *here, "skfem with a log", {"pressure_max": "15 kPa"})]

@@ -2,7 +2,7 @@
 
 For each family (bellow_bending where none is named) and each refinement 1 … N, the three elements of `skfem`: cell
 (mean dilatation), continuous (Taylor–Hood), point (plain displacement). Free motion of the main axis at a third, two
-thirds and all of the largest actuation; effort that holds it at zero there, and at half the free motion at the end.
+thirds and all of the largest actuation; effort that keeps it at zero there, and at half the free motion at the end.
 Every figure relative to the finest mesh's Taylor–Hood cells, with unknowns, Newton steps and CPU seconds.
 
 Prints the table and writes benchmarks/out/elements.json.
@@ -14,8 +14,8 @@ import time
 from typing import Any
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.families.published_y import make_solver
+from benchmarks.output import Bar, make_parser, write
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.records.fem import FemState
@@ -28,12 +28,12 @@ ELEMENTS = ("continuous", "cell", "point")
 
 
 def solve(family: ActuatorFamily, refinement: int, element: str) -> dict[str, Any]:
-    """Free motions (rad or m), efforts (N·m or N), and what they cost, by one mesh and element.
+    """Return free motions (rad or m), efforts (N·m or N), and their cost, by one mesh and element.
 
     The free branch upwards, then blocked states from rest, then one in between.
     """
     problem = family.problem(refinement)
-    solver = solver_of(problem, MU_PA, pressure_max_pa=15e3, dilatation=element)
+    solver = make_solver(problem, MU_PA, pressure_max_pa=15e3, dilatation=element)
     levels = [share * LARGEST[problem.actuation] for share in SHARES]
     begun = time.process_time()
     free = _branch(solver.rest(), levels, solver.free)
@@ -60,7 +60,7 @@ def _branch(start: FemState, levels: list[float], step: Any) -> list[FemState]:
 
 
 def study(kind: str, refinements: int) -> dict[str, Any]:
-    """Figures of all meshes and elements of one family, with their differences from the finest."""
+    """Return figures of all meshes and elements of one family, with their differences from the finest."""
     component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
     # The example of the family's manifest, its reference design.
     family = component.build(
@@ -90,7 +90,7 @@ def study(kind: str, refinements: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("families", nargs="*", default=["bellow_bending"])
     parser.add_argument("--refinement", type=int, default=2)
     arguments = parser.parse_args()

@@ -1,8 +1,8 @@
 """Time of a design's FEM against an older checkout: python -m benchmarks.families.fem_speed --baseline DIR
 
-Each design is solved by the checkout at DIR and by this one in turns, each in a process of its own with one thread, as
-often as `--pairs` says. Printed are processor seconds and their ratio pair by pair (the clock of a shared machine says
-little), states and corrections, where the time goes, and by how much the two data sets differ: every column, as a
+Each design is solved alternately by the checkout at DIR and by this one, each in a separate process with one thread,
+`--pairs` times. Printed are processor seconds and their ratio pair by pair (wall times of a shared machine vary too
+much), states and corrections, the distribution of the time, and the difference of the two data sets: every column, as a
 share of its largest value.
 
     git worktree add DIR 2087817
@@ -28,11 +28,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import ROOT, parser_of, write
+from benchmarks.output import ROOT, make_parser, write
 
 DESIGNS = ("bending", "helical")
 COLUMNS = ("actuation", "deformation", "tau", "dtau_dp", "dtau_du", "energy_j", "travel")
-# What is timed: class, method, name; what a checkout lacks is left out.
+# Timed methods: class, method, name; those that a checkout lacks are left out.
 PHASES = (
     ("pliant_plugins.fem.skfem.assembly", "Assembler", "__init__", "setting up"),
     ("pliant_plugins.fem.skfem.assembly", "Assembler", "elastic_energy", "assembly"),
@@ -46,7 +46,7 @@ PHASES = (
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--baseline", type=Path, help="an older checkout; without it this one alone is timed")
     parser.add_argument("--pairs", type=int, default=2, help="how often each design is solved by both")
     parser.add_argument("--designs", nargs="*", choices=DESIGNS, default=DESIGNS)
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def solved_by(tree: Path, design: str) -> dict[str, Any]:
-    """One design in a process over the checkout `tree`."""
+    """Solve one design in a process over the checkout `tree`."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     path = os.pathsep.join(str(tree / part) for part in ("core", "plugins", ""))
     command = [sys.executable, str(Path(__file__).resolve()), "--child", design]
@@ -80,7 +80,7 @@ def solved_by(tree: Path, design: str) -> dict[str, Any]:
 
 
 def timed(design: str) -> dict[str, Any]:
-    """A design's data with its processor time, in this process."""
+    """Return a design's data with its processor time, in this process."""
     from benchmarks.families import sampling
 
     family = {"bending": sampling.BENDING, "helical": sampling.HELICAL}[design]
@@ -161,7 +161,7 @@ def told(design: str, runs: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
 
 
 def differences(before: dict[str, Any], now: dict[str, Any]) -> dict[str, float]:
-    """Largest difference of each column as a share of its largest value; infinite where the states are others."""
+    """Return the largest difference of each column as a share of its largest value; infinite for other states."""
     found = {}
     for name in COLUMNS:
         a, b = (np.array(columns[name], float) for columns in (before, now))

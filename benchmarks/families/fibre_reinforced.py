@@ -6,8 +6,8 @@ the tube as 1 and rubber as incompressible and neo-Hookean. Dimensions and modul
 which agree: MahboubehKeyvanara/Fiber-Reinforced-Soft-Actuator at 6378fb1 (a course) and a calibration by M. Li (2018):
 length 160 mm, radius 8 mm, wall 2 mm, bottom 2 mm, μ 314 kPa (Elastosil M4601).
 
-Printed: the closed form beside our FEM of that half-round section, and the same three assumptions applied to a round
-section beside the family's own FEM, for several stiffnesses of sheet and threads, which no script states. Writes
+Printed: the closed form and our FEM of that half-round section, and the same three assumptions applied to a round
+section and the family's FEM, for several stiffnesses of sheet and threads, which no script states. Writes
 benchmarks/out/family_fibre_reinforced.json.
 """
 
@@ -43,12 +43,12 @@ SHEET_DEG = 25.0  # of the round section, each side
 
 
 def stress(stretch: float) -> float:
-    """Axial stress (Pa) of neo-Hookean rubber that cannot stretch around the tube: μ (λ − 1/λ³), nominal."""
+    """Return the nominal axial stress (Pa) of neo-Hookean rubber without hoop stretch: μ (λ − 1/λ³)."""
     return float(MU_PA * (stretch - stretch**-3))
 
 
 def half_round_pa(angle: float) -> float:
-    """The published pressure at a bending angle (rad) of the whole length."""
+    """Return the published pressure at a bending angle (rad) of the whole length."""
     a, t, b, curved = RADIUS_M, WALL_M, BOTTOM_M, angle / LENGTH_M
 
     def arch(tau: float, phi: float) -> float:
@@ -61,7 +61,7 @@ def half_round_pa(angle: float) -> float:
 
 
 def round_pa(angle: float) -> float:
-    """The same balance for a round section of the same radius and wall over a sheet at its bottom."""
+    """Solve the balance for a round section of the same radius and wall over a sheet at its bottom."""
     a, t, curved = RADIUS_M, WALL_M, angle / LENGTH_M
 
     def ring(rho: float, phi: float) -> float:
@@ -73,7 +73,7 @@ def round_pa(angle: float) -> float:
 
 
 def half_round(thread_n: float, refinement: int) -> ModuleProblem:
-    """Half a module of the half-round tube, half its section; the sheet is the outer part of its flat bottom."""
+    """Return half a module of the half-round tube, half its section; the sheet is outside its flat bottom."""
     mesh, tangents, sleeve = half_round_mesh(refinement)
     around = 2 * (RADIUS_M + WALL_M) + 2 * BOTTOM_M + np.pi * (RADIUS_M + WALL_M)
     angle = np.arctan2(around, SPACING_M)
@@ -95,7 +95,7 @@ def half_round(thread_n: float, refinement: int) -> ModuleProblem:
 
 
 def half_round_mesh(refinement: int) -> tuple[ModuleMesh, Array, Array]:
-    """The slice x ∈ [0, l/2], y ≥ 0; tangents (k, 27, 3) of the outline in the sleeve's cells, and their numbers."""
+    """Build the slice x ∈ [0, l/2], y ≥ 0; return tangents (k, 27, 3) in the sleeve's cells, and their numbers."""
     place, tangent, corners, counts = outline()
     lines = [grid_lines(ends, refinement * n) for ends, n in zip(corners, counts, strict=True)]
     s = np.concatenate([lines[0], *(line[1:] for line in lines[1:])])
@@ -123,7 +123,7 @@ def half_round_mesh(refinement: int) -> tuple[ModuleMesh, Array, Array]:
 
 
 def outline() -> tuple[Callable[[float, float], Array], Callable[[float], Array], Any, tuple[int, ...]]:
-    """(y, z) by s and side (0 inner, 1 outer), the tangent by s, ends in s of the parts, and elements of each.
+    """Return (y, z) by s and side (0 inner, 1 outer), tangent by s, ends in s of the parts, and elements of each.
 
     Three parts: the flat bottom, its corner (inside a first piece of the arc, outside the wall's foot), the arc.
     """
@@ -149,7 +149,7 @@ def outline() -> tuple[Callable[[float, float], Array], Callable[[float], Array]
 
 
 def round_tube(thread_n: float, refinement: int) -> ModuleProblem:
-    """The family's own tube with the same radius, wall, threads and sheet."""
+    """Return the family's tube with the same radius, wall, threads and sheet."""
     millimetres = {
         "module_length": MODULE_M, "radius": RADIUS_M, "wall": WALL_M, "sleeve": SLEEVE_M, "thread_spacing": SPACING_M,
     }  # fmt: skip
@@ -164,7 +164,7 @@ def round_tube(thread_n: float, refinement: int) -> ModuleProblem:
 
 
 def pressures(problem: ModuleProblem, sheet_pa: float) -> list[float]:
-    """Pressure (Pa) of our FEM at each angle of the whole length; NaN beyond the largest that was solved."""
+    """Return the pressure (Pa) of our FEM at angles of the whole length; NaN beyond the largest solved one."""
 
     def rubber(mu: float) -> NeoHookean:
         return NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu, poisson_ratio=POISSON))

@@ -17,7 +17,7 @@ MOST = 60  # cells between two lines
 
 
 def graded_problem(family: Pneunet, smallest_m: float, largest_m: float = np.inf) -> ModuleProblem:
-    """The problem with cells of about `smallest_m` at inner edges, each next one twice as long, up to a limit."""
+    """Return the problem with cells of about `smallest_m` at inner edges that double in size up to a limit."""
     g = family.geometry
     ends = zip((g.x_lines, g.y_lines, g.z_lines), SHARP, strict=True)
     mesh = mesh_on(g, [graded_lines(lines, sharp, smallest_m, largest_m) for lines, sharp in ends])
@@ -27,7 +27,7 @@ def graded_problem(family: Pneunet, smallest_m: float, largest_m: float = np.inf
 def graded_lines(
     ends_m: Sequence[float], sharp: Sequence[int], smallest_m: float, largest_m: float = np.inf
 ) -> Array:
-    """Grid lines, two intervals a cell, that keep `ends_m` and are close to those of the numbers `sharp`."""
+    """Return grid lines, two intervals a cell, that keep `ends_m` and are dense at `sharp` ones."""
     borders = [ends_m[0]]
     for number, (a, b) in enumerate(pairwise(ends_m)):
         sizes = _sizes(b - a, number in sharp, number + 1 in sharp, smallest_m, largest_m)
@@ -37,7 +37,7 @@ def graded_lines(
 
 
 def _sizes(length: float, low: bool, high: bool, smallest: float, largest: float) -> Array:
-    """Sizes of the cells between two lines, which are sharp or not; two where neither is."""
+    """Return sizes of the cells between two lines, which are sharp or not; two if neither is."""
     if not (low or high):
         return np.full(2, length / 2)
     reach = length / 2 if low and high else length

@@ -2,9 +2,9 @@
 
     python -m benchmarks.families.gripper_designs [--designs 8]
 
-The polynomials are fits of the published solver's data with errors of their own of up to about 8 %; the free angle
+The polynomials are fits of the published solver's data with fit errors of up to about 8 %; the free angle
 is the root of τ(10 kPa, u) = 0. With p/μ as the only scale, one FEM curve per design gives its angle for every μ; μ is
-the one that makes the median error smallest, and is printed beside that of the published free curve.
+the one with the smallest median error, and is printed with that of the published free curve.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from benchmarks.families.published_y import free_curve, solver_of
-from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
+from benchmarks.families.published_y import free_curve, make_solver
+from benchmarks.output import REFERENCE, Bar, make_parser, reference_table, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
@@ -29,19 +29,19 @@ CURVE_MU_PA = 249.3e3
 
 
 def published_angle(row: dict[str, float]) -> float:
-    """Root in u of k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u), p in kPa."""
+    """Return root in u of k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u), p in kPa."""
     p = PRESSURE_KPA
     linear = row["m_a"] * p + row["b_a"] - row["b_e"]
     roots = np.roots([-row["m_e"] / 2, linear, row["k_n"] * p])
     return float(min(r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 0))
 
 
-def curve_of(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
-    """u(p/μ) of a design and the number of states in self-contact. Raises `StateNotConvergedError`."""
+def interpolate_free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
+    """Return u(p/μ) of a design and the number of states in self-contact. Raises `StateNotConvergedError`."""
     names = {"inner_radius": "r", "average_radius": "R", "wall": "t", "module_length": "l"}
     lengths = {name: row[letter] / 1e3 for name, letter in names.items()}
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
-    solver = solver_of(family.problem(), MU_PA, pressure_max_pa=15e3)
+    solver = make_solver(family.problem(), MU_PA, pressure_max_pa=15e3)
     states = [solver.rest()]
     for level in LEVELS:
         states.append(solver.free(1e3 * PRESSURE_KPA * level, states[-1]))
@@ -49,7 +49,7 @@ def curve_of(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--designs", type=int, default=None, help="only this many, spread over the table")
     count = parser.parse_args().designs
     table = reference_table("gripper_poly_coefficients.csv")
@@ -63,7 +63,7 @@ def main() -> None:
     solved, failed = [], []
     for number, row in enumerate(rows):
         try:
-            solved.append((row, *curve_of(row)))
+            solved.append((row, *interpolate_free_curve(row)))
         except (InvalidDesignError, StateNotConvergedError) as error:
             failed.append({**_design(row), "cause": str(error)})
         print(f"\r{number + 1}/{len(rows)} designs, {time.perf_counter() - begun:.0f} s", end="", flush=True)

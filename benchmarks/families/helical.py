@@ -23,14 +23,14 @@ from benchmarks.families.published_y import (
     MU,
     Published,
     Table,
-    errors_of,
     fitted_modulus,
+    make_solver,
     published,
+    relative_errors,
     relative_rms,
-    solver_of,
-    table_of,
+    solve_table,
 )
-from benchmarks.output import REFERENCE, Bar, parser_of, write
+from benchmarks.output import REFERENCE, Bar, make_parser, write
 
 from pliant.errors import NotReachedError
 from pliant.interfaces.fem import ModuleSolver
@@ -49,7 +49,7 @@ class Row:
     """One axis at one pressure, moments on it alone.
 
     Attributes:
-        held: what the main axis does: M_y = 0 ("free") or u_y as on the free branch ("held").
+        held: condition on the main axis: M_y = 0 ("free") or u_y as on the free branch ("held").
         tangent: −dM/du (N·m/rad) at M = 0.
         secants: M/u (N·m/rad) at the moments of `MOMENTS`, NaN where no state was reached.
     """
@@ -62,7 +62,7 @@ class Row:
 
 
 def condensed(stiffness: Array, kept: tuple[int, ...]) -> Array:
-    """The stiffness (3, 3) of some axes, those that are left out being free."""
+    """Return the stiffness (3, 3) of some axes with the others free."""
     out = [i for i in range(len(stiffness)) if i not in kept]
     K = stiffness[np.ix_(kept, kept)]
     cross = stiffness[np.ix_(kept, out)]
@@ -70,7 +70,7 @@ def condensed(stiffness: Array, kept: tuple[int, ...]) -> Array:
 
 
 def free_states(solver: ModuleSolver, pressures: tuple[float, ...]) -> list[FemState]:
-    """States without moments, each from the one before."""
+    """Return states without moments, each from the one before."""
     states: list[FemState] = []
     state = solver.rest()
     for pressure in pressures:
@@ -80,7 +80,7 @@ def free_states(solver: ModuleSolver, pressures: tuple[float, ...]) -> list[FemS
 
 
 def secant(solver: ModuleSolver, free: FemState, axis: str, moment: float, held: bool) -> float:
-    """M/u (N·m/rad) under a moment that turns the module by +u about an axis, by Newton on u (two states)."""
+    """Return M/u (N·m/rad) under a moment that turns the module by +u about an axis, by Newton on u (two states)."""
     place = AXES.index(axis)
     kept = tuple(sorted({place, 1})) if held else (place,)
     others = {"y": float(free.deformation[1])} if held else {}
@@ -96,10 +96,10 @@ def secant(solver: ModuleSolver, free: FemState, axis: str, moment: float, held:
     return float(moment / u)
 
 
-def rows_of(
+def stiffness_rows(
     solver: ModuleSolver, free: FemState, axes: tuple[str, ...] = ("z", "x"), secants: bool = True
 ) -> list[Row]:
-    """Stiffness of the axes at one free state."""
+    """Return stiffness of the axes at one free state."""
     rows = []
     for axis in axes:
         place = AXES.index(axis)
@@ -113,14 +113,14 @@ def rows_of(
 
 
 def asymmetry(state: FemState) -> float:
-    """Largest |K_ij − K_ji| / √(K_ii K_jj)."""
+    """Return largest |K_ij − K_ji| / √(K_ii K_jj)."""
     K = -state.dtau_du
     size = np.sqrt(np.diag(K))
     return float(np.abs((K - K.T) / np.outer(size, size)).max())
 
 
 def energy_error(solver: ModuleSolver, start: FemState, turn: dict[str, float]) -> float:
-    """|ΔU − work| / work between two near states of one pressure, axes held at u ± turn/2 (midpoint: third order)."""
+    """Return |ΔU − work| / work between two near states of one pressure at u ± turn/2 (midpoint: third order)."""
     u = dict(zip(AXES, start.deformation.tolist(), strict=True))
     low, mid, high = (
         solver.constrained(start.actuation, {a: u[a] + s * turn.get(a, 0.0) for a in AXES}, start)
@@ -164,12 +164,12 @@ LEAST_X_N_M = 0.002
 
 
 def family(**parameters: Any) -> BellowHelical:
-    """The published design with some parameters of its own."""
+    """Build the published design with some parameters changed."""
     return BellowHelical(BellowHelicalConfig.model_validate({**HELIX_MODULE, **parameters}))
 
 
-def half_of(variant: dict[str, Any]) -> ModuleProblem:
-    """The half module of a variant; `trough: free` is none of the family's: in-plane free, held at one node."""
+def half_module(variant: dict[str, Any]) -> ModuleProblem:
+    """Return the half module of a variant; `trough: free`, not in the family, is free in the plane but at one node."""
     parameters = {"constraint_stiffness": INEXTENSIBLE, **variant}
     free_trough = parameters.pop("trough", None) == "free"
     problem = family(**parameters).problem(axes=("y",))
@@ -177,16 +177,16 @@ def half_of(variant: dict[str, Any]) -> ModuleProblem:
 
 
 def scored(table: Table, data: Published) -> dict[str, Any]:
-    """Errors with the modulus of the free curve, and with that of the free curve and the 15 kPa moments."""
+    """Return errors with the modulus of the free curve, and with that of the free curve and the 15 kPa moments."""
     found = {}
     for by in ("free", "both"):
         mu_pa = fitted_modulus(table, data, by)
-        found[by] = {"shear_modulus_pa": mu_pa, **errors_of(table, data, mu_pa)}
+        found[by] = {"shear_modulus_pa": mu_pa, **relative_errors(table, data, mu_pa)}
     return found
 
 
 def printed(name: str, found: dict[str, Any]) -> None:
-    """One line for each way of fitting."""
+    """Print one line for each fit."""
     for by, e in found.items():
         print(
             f"    {name if by == 'free' else '':62s} {by:5s} {e['shear_modulus_pa'] / 1e3:6.1f} {e['free']:7.2%}"
@@ -198,13 +198,13 @@ def printed(name: str, found: dict[str, Any]) -> None:
 
 
 def variants_table(data: Published) -> list[dict[str, Any]]:
-    """Table (a): variants of the module."""
+    """Return table (a): variants of the module."""
     print(
         "(a) variant; modulus by; μ kPa; free; 15 kPa |u| ≤ .3, |u/2| ≤ .3; predicted likewise; by pressure"
     )
     rows = []
     for variant in VARIANTS:
-        found = scored(table_of(half_of(variant)), data)
+        found = scored(solve_table(half_module(variant)), data)
         name = ", ".join(f"{k} {v}" for k, v in variant.items())
         printed(name, found)
         rows.append({"variant": variant, **found})
@@ -212,16 +212,16 @@ def variants_table(data: Published) -> list[dict[str, Any]]:
 
 
 def spatial_table(mu_pa: float, secants: bool) -> list[dict[str, Any]]:
-    """Table (c): rotations about all axes."""
+    """Return table (c): rotations about all axes."""
     print("(c) variant; axis; pressure; main axis; mN·m/rad at M = 0, secants at 3 and 6 mN·m")
     rows = []
     for parameters in SPATIAL:
         name = ", ".join(f"{k} {v}" for k, v in parameters.items()) or "defaults"
-        solver = solver_of(family(**parameters).problem(), mu_pa)
+        solver = make_solver(family(**parameters).problem(), mu_pa)
         for state in free_states(solver, PRESSURES):
             if state.actuation not in (5e3, 15e3):
                 continue
-            found = rows_of(solver, state, secants=secants and not parameters)
+            found = stiffness_rows(solver, state, secants=secants and not parameters)
             for row in found:
                 values = " ".join(f"{1e3 * k:7.2f}" for k in (row.tangent, *row.secants))
                 print(
@@ -235,7 +235,7 @@ def spatial_table(mu_pa: float, secants: bool) -> list[dict[str, Any]]:
 
 
 def turned_by(solver: ModuleSolver, free: FemState, axis: str, moments: Array) -> Array:
-    """(n,) half angles under growing moments that turn the module about an axis, all others free; NaN beyond reach."""
+    """Return (n,) half angles under growing moments about an axis, all others free; NaN beyond reach."""
     place, state = AXES.index(axis), free
     found = np.full(len(moments), np.nan)
     for k, moment in enumerate(moments.tolist()):
@@ -254,14 +254,14 @@ def turned_by(solver: ModuleSolver, free: FemState, axis: str, moments: Array) -
 
 
 def sideways_table(mu_pa: float) -> dict[str, Any]:
-    """Table (d): relative RMS of the half angles about z and x by pressure, near and all."""
+    """Return table (d): relative RMS of the half angles about z and x by pressure, near and all."""
     path = REFERENCE / SIDEWAYS
     if not path.is_file():
         return {}
     with path.open(encoding="utf-8") as file:
         rows = [(row.pop("axis"), *map(float, row.values())) for row in csv.DictReader(file)]
     print("(d) axis; pressure; half angle / published, RMS: near, all")
-    solver = solver_of(family().problem(), mu_pa, pressure_max_pa=20e3, self_contact="pass")
+    solver = make_solver(family().problem(), mu_pa, pressure_max_pa=20e3, self_contact="pass")
     found: dict[str, Any] = {}
     for state in free_states(solver, PRESSURES):
         for axis in ("z", "x"):
@@ -287,8 +287,8 @@ def sideways_table(mu_pa: float) -> dict[str, Any]:
 
 
 def energy_check(mu_pa: float) -> dict[str, float]:
-    """The whole module about all axes at 5 kPa: work against energy, and symmetry of the couplings."""
-    solver = solver_of(family().problem(), mu_pa)
+    """Check the whole module about all axes at 5 kPa: work against energy, and symmetry of the couplings."""
+    solver = make_solver(family().problem(), mu_pa)
     free = free_states(solver, (2.5e3, 5e3))[-1]
     turned = solver.constrained(5e3, {"x": 0.06, "y": 0.2, "z": 0.08}, free)
     error = energy_error(solver, turned, {"x": 0.02, "y": -0.02, "z": 0.03})
@@ -298,14 +298,14 @@ def energy_check(mu_pa: float) -> dict[str, float]:
 
 
 def main() -> None:
-    quick = parser_of(__doc__, "without the variants of (a) and the secants of (c)").parse_args().quick
+    quick = make_parser(__doc__, "without the variants of (a) and the secants of (c)").parse_args().quick
     data = published()
     if data is None:
         sys.exit(f"family_helical: the reference data are absent: {CURVE.resolve()}")
     begun = time.perf_counter()
     variants = [] if quick else variants_table(data)
     print("(b) the family's defaults")
-    table = table_of(family().problem(axes=("y",)))
+    table = solve_table(family().problem(axes=("y",)))
     defaults = scored(table, data)
     printed("defaults", defaults)
     mu_pa = defaults["free"]["shear_modulus_pa"]

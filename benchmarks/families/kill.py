@@ -1,13 +1,13 @@
 """Sweeps killed at random moments: python -m benchmarks.families.kill [--kills 50] [--only springs|skfem]
 
-`pliant fem` of a small sweep runs in two worker processes; kill -9 takes the whole process group at a moment drawn by
-seed (one in five while it starts, the others while it solves); the same command runs again, and so on. When a sweep is
-complete before all kills are spent, an empty store begins the next round of it. A wrapper around the solver, which
-stands here and not in the product, writes a line as each solve begins and ends. Counted:
+`pliant fem` of a small sweep runs in two worker processes; kill -9 ends the whole process group at a time drawn by seed
+(one in five during its start, the others while it solves); then the same command runs again. If a sweep is complete
+before all kills are made, the next round starts with an empty store. A wrapper around the solver, in this module only,
+writes a line at the start and end of each solve. Counted:
 
-- saved: the process that solved the state went on to another one, so the sampling had put it away;
+- saved: the process that solved the state had started another one, so the sampling had stored it;
 - cut off: the solve began and did not end; unsure: it ended, and the kill came before the next began, so it may or may
-  not have been put away. Only these two may be solved again, at most one for each worker and kill;
+  not have been stored. Only these two may be solved again, at most one for each worker and kill;
 - solved twice: a saved state that was begun again. There must be none;
 - lost: states of an undisturbed sweep that the killed one lacks or has with other bits. There must be none.
 
@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import ROOT, parser_of, read, write
+from benchmarks.output import ROOT, make_parser, read, write
 from benchmarks.solved_log import noted
 
 from pliant import api
@@ -61,7 +61,7 @@ sweep: {{inner_radius: [2 mm, 2.5 mm], average_radius: [6 mm], module_length: [5
 
 @dataclass
 class Count:
-    """What the kills did; the number of each kind of solve."""
+    """The effect of the kills: the number of each kind of solve."""
 
     kills: int = 0
     kills_while_starting: int = 0
@@ -79,7 +79,7 @@ class Count:
 
     @property
     def sound(self) -> bool:
-        """Nothing lost, nothing that was saved solved twice."""
+        """Return whether no state was lost and no saved one was solved twice."""
         may_repeat = self.cut_off + self.unsure
         bounded = self.solved_again_after_cut_off_or_unsure <= may_repeat <= WORKERS * self.kills
         return bounded and self.lost == self.saved_and_solved_twice == 0
@@ -96,7 +96,7 @@ class Killing:
         self.count = Count()
 
     def run(self, kills: int) -> Count:
-        """All kills, the last sweep completed, the data compared with an undisturbed sweep."""
+        """Make all kills, complete the last sweep and compare its data with an undisturbed sweep."""
         started = time.perf_counter()
         self._finish("whole")
         expected, once = self._data("whole"), Counter(s for w, _, s in noted(self.log) if w == "begin")
@@ -150,7 +150,7 @@ class Killing:
         return True
 
     def _listen(self, said: str) -> None:
-        """Keep what is said of damage; there should be nothing."""
+        """Collect messages on damage; there should be none."""
         words = ("damaged", "corrupted", "Traceback", "error")
         self.count.complaints += [line for line in said.splitlines() if any(w in line for w in words)]
 
@@ -195,7 +195,7 @@ class Killing:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--kills", type=int, default=50, help="of each solver")
     parser.add_argument("--only", choices=["springs", "skfem"])
     parser.add_argument("--seed", type=int, default=0)

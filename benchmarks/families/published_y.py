@@ -42,7 +42,7 @@ class Published:
 
 
 def published() -> Published | None:
-    """The data, or None where the folder is absent."""
+    """Return the data, or None without the folder."""
     table = reference_table(CURVE.name)
     if table is None:
         return None
@@ -50,8 +50,8 @@ def published() -> Published | None:
     return Published(*columns, free=np.arange(len(columns[0])) < 31)
 
 
-def solver_of(problem: ModuleProblem, mu_pa: float = MU, **options: Any) -> SkfemSolver:
-    """The default backend, with options of its own, and neo-Hookean rubber, ν = 0.49."""
+def make_solver(problem: ModuleProblem, mu_pa: float = MU, **options: Any) -> SkfemSolver:
+    """Return the default backend's solver with the given options and neo-Hookean rubber, ν = 0.49."""
     material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu_pa))
     config = SkfemConfig.model_validate(options or {"pressure_max_pa": 20e3})
     return Skfem(config).solver(problem, material)
@@ -66,19 +66,19 @@ class Table:
     free_half_angle: Array
 
     def moment(self, mu_pa: float, pressure: Array, half_angle: Array) -> Array:
-        """τ (N·m) at another modulus."""
+        """Return τ (N·m) at another modulus."""
         factor = mu_pa / MU
         surface = RectBivariateSpline(PRESSURES, HALF_ANGLES, self.moments)
         return factor * surface.ev(pressure / factor, half_angle)
 
     def free(self, mu_pa: float, pressure: Array) -> Array:
-        """Free half angles (rad) at another modulus."""
+        """Return free half angles (rad) at another modulus."""
         return CubicSpline(self.free_pressure, self.free_half_angle)(pressure * MU / mu_pa)
 
 
-def table_of(problem: ModuleProblem) -> Table:
+def solve_table(problem: ModuleProblem) -> Table:
     """Solve the table of a half module at μ₀; angles that are not reached are continued by a spline."""
-    solver = solver_of(problem)
+    solver = make_solver(problem)
     moments = np.full((len(PRESSURES), len(HALF_ANGLES)), np.nan)
     middle = HALF_ANGLES.index(0.03)
     rest = solver.rest()
@@ -105,18 +105,18 @@ def table_of(problem: ModuleProblem) -> Table:
 
 
 def free_curve(states: Sequence[FemState], mu_pa: float = 1.0) -> CubicHermiteSpline:
-    """u over p/μ through free states and their slopes: u depends on p/μ alone, so that one curve serves every μ."""
+    """Return u over p/μ through free states and their slopes: u depends on p/μ alone, so one curve serves all μ."""
     points = [(s.actuation / mu_pa, s.angle_rad, -mu_pa * s.dmoment_dp / s.dmoment_du) for s in states]
     return CubicHermiteSpline(*zip(*points, strict=True))
 
 
 def relative_rms(model: Array, data: Array) -> float:
-    """‖model − data‖ / ‖data‖."""
+    """Return ‖model − data‖ / ‖data‖."""
     return float(np.linalg.norm(model - data) / np.linalg.norm(data))
 
 
-def errors_of(table: Table, data: Published, mu_pa: float) -> dict[str, float]:
-    """Relative RMS errors: the free curve, the 15 kPa moments, and the predicted moments.
+def relative_errors(table: Table, data: Published, mu_pa: float) -> dict[str, float]:
+    """Return relative RMS errors: the free curve, the 15 kPa moments, and the predicted moments.
 
     `half_…` and `module_…` take the states whose half angle or whose module angle (twice it) is within ± 0.3 rad, as
     far as −0.15 rad of half angle: beyond it the published states have convolutions inside one another.
@@ -134,10 +134,10 @@ def errors_of(table: Table, data: Published, mu_pa: float) -> dict[str, float]:
 
 
 def fitted_modulus(table: Table, data: Published, by: str) -> float:
-    """The modulus with the least error of the free curve (`free`), or of it and the 15 kPa moments (`both`)."""
+    """Return the modulus with the least error of the free curve (`free`), or of it and the 15 kPa moments (`both`)."""
 
     def cost(mu_pa: float) -> float:
-        errors = errors_of(table, data, mu_pa)
+        errors = relative_errors(table, data, mu_pa)
         return errors["free"] ** 2 + (errors["module_15_kpa"] ** 2 if by == "both" else 0.0)
 
     return float(minimize_scalar(cost, bounds=(150e3, 270e3), method="bounded", options={"xatol": 50}).x)

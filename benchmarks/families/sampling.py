@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from benchmarks.law_error import without_slopes
-from benchmarks.output import parser_of, seconds_of, write
+from benchmarks.output import make_parser, time_calls, write
 from scipy.sparse.linalg import splu
 
 from pliant.execution.progress import Silent
 from pliant.pipeline.dataset import as_data, module_problems
 from pliant.pipeline.sampling.plan import sample
-from pliant.pipeline.sampling.walk import Piece
+from pliant.pipeline.sampling.walk import Subproblem
 from pliant.records.fem import COLUMNS, FemDataset, ModuleData
 from pliant.registry.discovery import Registry, discover
 from pliant_plugins.families.reference import FINGER, HELIX_MODULE
@@ -42,7 +42,7 @@ HELICAL = {"kind": "bellow_helical", **HELIX_MODULE}
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--helical", action="store_true", help="also three axes of a helical bellow")
     parser.add_argument("--design", choices=("reference", "wide"), help="only this bending bellow")
     arguments = parser.parse_args()
@@ -61,18 +61,18 @@ def main() -> None:
 
 
 def kernel_s() -> float:
-    """Seconds of one sparse LU of the size of a module's stiffness, the fastest of five."""
+    """Return the seconds of one sparse LU of the size of a module's stiffness, the fastest of five."""
     n = 16
     line = sp.diags([-1.0, 2.2, -1.0], [-1, 0, 1], shape=(n, n))
     one = sp.identity(n)
     matrix = sp.csc_matrix(
         sp.kron(sp.kron(line, one), one) + sp.kron(sp.kron(one, line), one) + sp.kron(one, sp.kron(one, line))
     )
-    return min(seconds_of(lambda: splu(matrix), 5, time.perf_counter))
+    return min(time_calls(lambda: splu(matrix), 5, time.perf_counter))
 
 
 def solved(registry: Registry, family: dict[str, str], **options: Any) -> tuple[ModuleData, dict[str, float]]:
-    """A design's data set and its wall and processor seconds."""
+    """Return a design's data set and its wall and processor seconds."""
     built = registry.build("family", config(registry, "family", family))
     material = {"kind": "neo_hookean", "shear_modulus": "240 kPa"}
     fem = config(registry, "fem", {"kind": "skfem", "pressure_max": LIMIT_PA, **options})
@@ -80,7 +80,7 @@ def solved(registry: Registry, family: dict[str, str], **options: Any) -> tuple[
     substance = registry.build("material", config(registry, "material", material))
     begun, used = time.perf_counter(), time.process_time()
     problems = module_problems(built, 1)
-    pieces = [Piece(n, backend.solver(p, substance), p.axes, p.main_axis) for n, p in problems.items()]
+    pieces = [Subproblem(n, backend.solver(p, substance), p.axes, p.main_axis) for n, p in problems.items()]
     with tempfile.TemporaryDirectory() as folder:
         sampling = sample(pieces, fem, LIMIT_PA, Path(folder), Silent())
     times = {"wall_s": time.perf_counter() - begun, "processor_s": time.process_time() - used}
@@ -88,12 +88,12 @@ def solved(registry: Registry, family: dict[str, str], **options: Any) -> tuple[
 
 
 def config(registry: Registry, interface: str, values: dict[str, Any]) -> Any:
-    """A plugin's config from a block as people write it."""
+    """Return a plugin's config from a block in the form of a study."""
     return registry.get(interface, values["kind"]).config_model().model_validate(values)
 
 
 def compared(runs: dict[str, tuple[ModuleData, dict[str, float]]], kernel: float) -> dict[str, Any]:
-    """Figures of each strategy; laws are scored on the states of both that neither fit has seen."""
+    """Return figures of each strategy; laws are scored on the states of both that neither fit has seen."""
     laws = {kind: data.axis(data.main_axis) for kind, (data, _) in runs.items()}
     checks = joined([law.select("check") for law in laws.values()])
     figures = {}
@@ -113,20 +113,20 @@ def compared(runs: dict[str, tuple[ModuleData, dict[str, float]]], kernel: float
 
 
 def joined(parts: list[FemDataset]) -> FemDataset:
-    """States of several data sets of one axis."""
+    """Return states of several data sets of one axis."""
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     return dataclasses.replace(parts[0], **columns)
 
 
 def scored(data: FemDataset) -> dict[str, float]:
-    """Errors of the polynomial law on the check states, as shares of the effort's range."""
+    """Return errors of the polynomial law on the check states, as shares of the effort's range."""
     report = Polynomial(PolynomialConfig()).fit(data).report
     figures = {name: getattr(report, name) for name in ("n_fitted", "n_heldout", "worst_of_range")}
     return {**figures, "rms_of_range": report.rmse / report.effort_range}
 
 
 def three_axes(data: ModuleData, times: dict[str, float], kernel: float) -> dict[str, Any]:
-    """Figures of a module of several axes."""
+    """Return figures of a module of several axes."""
     explored, axes = np.unique(data.explored), data.sampling["axes"]
     return {
         "states": data.sampling["n_solved"],

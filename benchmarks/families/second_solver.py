@@ -3,14 +3,14 @@
 skfem (27-node cells, dilatation averaged per cell; at refinement 1, as studies use it, and refined) against ngsolve
 (Taylor–Hood of order 3, differentiated energies, its own Newton), which share nothing but the mesh of the family.
 
-States: free at 1/3, 2/3 and all of the largest actuation; there also held at 0 and at half the free angle; the
-helical bellow also, at a third of it, held on all three axes.
+States: free at 1/3, 2/3 and all of the largest actuation; there also fixed at 0 and at half the free angle; the helical
+bellow also, at a third of it, fixed on all three axes.
 
 The PneuNet has two materials, 10 : 1, and sharp inner edges, where uniform cells of any code converge slowly. Its
-reference stands on cells that shrink toward them (`graded`); each code's own uniform and shrinking cells stand beside
-it, those of CalculiX too where `ccx` is installed (20 nodes, reduced integration, its own assembly and Newton).
-Differences are shares of the range: the largest free angle, the effort that holds the joint at 0. Bar: 0.5 % for the
-refined cells, on three axes for those of refinement 1.
+reference uses cells that shrink toward them (`graded`) and is compared with uniform and graded cells of each code,
+those of CalculiX too if `ccx` is installed (20 nodes, reduced integration, its own assembly and Newton). Differences
+are shares of the range: the largest free angle, the effort that keeps the joint at 0. Bar: 0.5 % for the refined cells,
+on three axes for those of refinement 1.
 
 Prints the table and writes benchmarks/out/second_solver.json.
 """
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from benchmarks.families.graded import graded_problem
 from benchmarks.families.touching import Place, by_calculix
-from benchmarks.output import parser_of, read, write
+from benchmarks.output import make_parser, read, write
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import ModuleSolver
@@ -68,7 +68,7 @@ class Case:
     graded_m: tuple[float, ...] = ()
 
     def meshes(self) -> dict[str, ModuleProblem]:
-        """What is solved, by the code's name and the mesh; the reference first."""
+        """Return the problems to solve, by the code's name and the mesh; the reference first."""
         at = {n: self.family.problem(n, self.axes) for n in (1, self.refined)}
         ours = {f"skfem × {n}": problem for n, problem in at.items()}
         if not (self.graded_m and isinstance(self.family, Pneunet)):
@@ -80,7 +80,7 @@ class Case:
 
 
 def cases() -> dict[str, Case]:
-    """The shipped families; moduli as their own benchmarks fit them."""
+    """Return the shipped families; moduli are fitted in their own benchmarks."""
     bending = BellowBending(BellowBendingConfig.model_validate(FINGER))
     helical = BellowHelical(BellowHelicalConfig.model_validate(HELIX_MODULE))
     extending = BellowTranslational(BellowTranslationalConfig.model_validate(EXTENDING))
@@ -98,8 +98,8 @@ def cases() -> dict[str, Case]:
     }
 
 
-def states_of(case: Case, model: ModuleSolver, half: float | None) -> dict[str, FemState]:
-    """The case's states by name; `half` is the angle to hold, half the free one where it is None."""
+def solve_named_states(case: Case, model: ModuleSolver, half: float | None) -> dict[str, FemState]:
+    """Return the case's states by name; `half` is the prescribed angle, by default half the free one."""
     found: dict[str, FemState] = {}
     here = model.rest()
     for share in case.free:
@@ -118,7 +118,7 @@ def states_of(case: Case, model: ModuleSolver, half: float | None) -> dict[str, 
 def compare(
     case: Case, truth: dict[str, FemState], other: dict[str, FemState]
 ) -> dict[str, dict[str, float]]:
-    """Differences of u and τ by state, as shares of the range; slopes as shares of the largest."""
+    """Return differences of u and τ by state, as shares of the range; slopes as shares of the largest."""
     turn = max(abs(s.angle_rad) for s in truth.values())
     effort = float(np.abs(truth["held 0"].tau).max())
     rows = {}
@@ -134,14 +134,14 @@ def compare(
 
 
 def rubber(modulus_pa: float) -> NeoHookean:
-    """A neo-Hookean rubber at its default ν."""
+    """Return a neo-Hookean rubber at its default ν."""
     return NeoHookean(NeoHookeanConfig(shear_modulus_pa=modulus_pa))
 
 
 def by_calculix_held(
     case: Case, problem: ModuleProblem, material: Material, truth: dict[str, FemState]
 ) -> dict[str, dict[str, float]]:
-    """As `compare`, by CalculiX' torques at the reference's angles; a free state's angle by its slope."""
+    """Compare as `compare`, by CalculiX' torques at the reference's angles; a free state's angle by its slope."""
     turn = max(abs(s.angle_rad) for s in truth.values())
     effort = abs(truth["held 0"].moment_n_m)
     rows = {}
@@ -171,7 +171,7 @@ def run(name: str, case: Case) -> dict[str, Any]:
             backend: Any = (
                 Ngsolve(NgsolveConfig(order=3, **limits)) if ngsolve else Skfem(SkfemConfig(**limits))
             )
-            states = states_of(case, backend.solver(problem, material), half)
+            states = solve_named_states(case, backend.solver(problem, material), half)
             truth = truth or states
             half = 0.5 * truth[f"free {case.free[-1]:.2f}"].angle_rad
             differences[label] = compare(case, truth, states)
@@ -206,7 +206,7 @@ def run(name: str, case: Case) -> dict[str, Any]:
 
 def main() -> None:
     known = cases()
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("cases", nargs="*", help=f"of {', '.join(known)}; by default all")
     chosen = parser.parse_args().cases or list(known)
     if unknown := [name for name in chosen if name not in known]:

@@ -1,11 +1,11 @@
 """Modules of several chambers: laws of several pressures against direct FEM, engines under nine of them.
 
-(a) Two opposed chambers: one law τ(p₁, p₂, u) against direct FEM at unseen pressures and moments, beside a sum of two
-laws of one chamber, with the elasticity in each of them and with it once.
-(b) Three chambers: the law of three pressures and three angles on states that no fit has seen, by the number of states.
-(c) Three segments of three chambers, eight modules each, nine pressures, gravity and a force at the tip: engines, and
-the time of a cold quasi-static solve.
-(d) and (e) The same two where the extension is a coordinate of the joint: three pressures, two bends, twist, extension.
+(a) Two opposed chambers: one law τ(p₁, p₂, u) against direct FEM at unseen pressures and moments, compared with a sum
+of two laws of one chamber, with the elasticity in both and in one of them. (b) Three chambers: the law of three
+pressures and three angles on states that no fit has seen, by the number of states. (c) Three segments of three
+chambers, eight modules each, nine pressures, gravity and a force at the tip: engines, and the time of a cold
+quasi-static solve. (d) and (e) The same two where the extension is a coordinate of the joint: three pressures, two
+bends, twist, extension.
 
     python -m benchmarks.families.several_chambers [--quick]
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, make_parser, write
 
 from pliant.config.chain import ChainConfig
 from pliant.errors import PliantError
@@ -28,7 +28,7 @@ from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import ModuleSolver
 from pliant.interfaces.physics import Case
 from pliant.pipeline.chain import Segment, build_chain, family_module
-from pliant.pipeline.dataset import as_data, module_problems, piece_of
+from pliant.pipeline.dataset import as_data, build_piece, module_problems
 from pliant.pipeline.sampling.plan import sample
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
@@ -52,7 +52,7 @@ TOP_PA = 40e3
 OF_TWO = {"pressure_max": TOP_PA, "max_states": 60, "check_states": 0}
 OF_THREE = {"pressure_max": TOP_PA, "max_states": 96, "check_states": 24, "lateral_angle": 0.15}
 UNSEEN, SEED = 24, 7
-COUNTS = (32, 48, 64)  # of states to fit, beside all of them
+COUNTS = (32, 48, 64)  # of states to fit, in addition to all of them
 MODULES, SEGMENTS = 8, 3
 TIP_N = np.array([0.02, -0.01, 0.015])
 REPEATS = 200
@@ -60,17 +60,17 @@ POLYNOMIAL = Polynomial(PolynomialConfig(kind="polynomial"))
 
 
 def family(kind: str, design: dict[str, Any]) -> ActuatorFamily:
-    """The shipped example of a family."""
+    """Return the shipped example of a family."""
     component = discover().get("family", kind)
     built: ActuatorFamily = component.build(component.config_model().model_validate({"kind": kind, **design}))
     return built
 
 
 def solved(built: ActuatorFamily, fem: dict[str, Any]) -> tuple[ModuleData, ModuleSolver, dict[str, float]]:
-    """The data of a family as the FEM stage has them, the solver, wall and processor seconds."""
+    """Return the data of a family as in the FEM stage, the solver, wall and processor seconds."""
     config = SkfemConfig.model_validate({"kind": "skfem", **fem})
     backend, problems = Skfem(config), module_problems(built, 1)
-    pieces = [piece_of(name, one, backend.checked_solver(one, MATERIAL)) for name, one in problems.items()]
+    pieces = [build_piece(name, one, backend.checked_solver(one, MATERIAL)) for name, one in problems.items()]
     begun = (time.perf_counter(), time.process_time())
     with tempfile.TemporaryDirectory() as folder:
         found = sample(pieces, config, config.actuation_max(built.actuation), Path(folder), Silent())
@@ -79,7 +79,7 @@ def solved(built: ActuatorFamily, fem: dict[str, Any]) -> tuple[ModuleData, Modu
 
 
 def two_chambers() -> tuple[dict[str, Any], list[Bar]]:
-    """(a)."""
+    """Run part (a)."""
     data, solver, spent = solved(family("two_chamber", TWO_CHAMBER), OF_TWO)
     checked = replace(data, role=np.where(np.arange(len(data)) % 12 == 5, "check", data.role))
     law = POLYNOMIAL.fit_module(checked).law
@@ -112,7 +112,7 @@ def two_chambers() -> tuple[dict[str, Any], list[Bar]]:
 
 
 def loaded(solver: ModuleSolver, levels: Array, moment: float, start: FemState) -> FemState | None:
-    """Direct FEM under pressures and a moment; None where there is no equilibrium."""
+    """Solve direct FEM under pressures and a moment; return None without an equilibrium."""
     try:
         return solver.loaded(levels, moment, solver.free(levels, start))
     except PliantError:
@@ -120,7 +120,7 @@ def loaded(solver: ModuleSolver, levels: Array, moment: float, start: FemState) 
 
 
 def one_chamber(solver: ModuleSolver, reach: float) -> JointLaw:
-    """The law of the first chamber alone, the other at zero, over the same box."""
+    """Return the law of the first chamber alone, the other at zero, over the same box."""
     rows, start = [], solver.rest()
     for p in np.linspace(0.0, TOP_PA, 5):
         for u in np.linspace(-reach, reach, 7):
@@ -143,7 +143,7 @@ def one_chamber(solver: ModuleSolver, reach: float) -> JointLaw:
 
 
 def three_chambers(design: dict[str, Any], fem: dict[str, Any]) -> tuple[dict[str, Any], JointLaw, list[Bar]]:
-    """(b), (d)."""
+    """Run parts (b), (d)."""
     data, _, spent = solved(family("three_chamber", design), fem)
     what = "with extension" if design.get("extends") else "three chambers"
     fitted = np.flatnonzero(data.role == "fit")
@@ -186,7 +186,7 @@ def three_chambers(design: dict[str, Any], fem: dict[str, Any]) -> tuple[dict[st
 
 
 def arm(law: JointLaw, design: dict[str, Any]) -> ChainModel:
-    """Three segments of eight modules, each with three inputs of its own, hanging."""
+    """Build a hanging chain of three segments of eight modules, each segment with three separate inputs."""
     built, segments = family("three_chamber", design), []
     for number in range(SEGMENTS):
         own = tuple(Actuator(f"pressure_{3 * number + k}_pa") for k in (1, 2, 3))
@@ -195,7 +195,7 @@ def arm(law: JointLaw, design: dict[str, Any]) -> ChainModel:
 
 
 def engines(law: JointLaw, design: dict[str, Any]) -> tuple[dict[str, Any], list[Bar]]:
-    """(c), (e)."""
+    """Run parts (c), (e)."""
     chain, what = arm(law, design), ", with extension" if design.get("extends") else ""
     shares = np.array([0.7, 0.1, 0.0, 0.0, 0.8, 0.3, 0.2, 0.0, 0.6])
     levels = {a.input: float(s) * TOP_PA for a, s in zip(chain.actuators, shares, strict=True)}
@@ -250,7 +250,7 @@ def engines(law: JointLaw, design: dict[str, Any]) -> tuple[dict[str, Any], list
 
 
 def main() -> None:
-    quick = parser_of(__doc__, "half the states of (b) and (d)").parse_args().quick
+    quick = make_parser(__doc__, "half the states of (b) and (d)").parse_args().quick
     begun = time.perf_counter()
     two, bars = two_chambers()
     fem = {**OF_THREE, "max_states": 48, "check_states": 12} if quick else OF_THREE

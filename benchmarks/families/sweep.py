@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import parser_of, read, write
+from benchmarks.output import make_parser, read, write
 
 from pliant import api
 from pliant.config.designs import sweep_designs
@@ -130,7 +130,7 @@ def _say(result: dict[str, Any]) -> None:
 
 
 def main() -> int:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--only", choices=list(GRIDS))
     parser.add_argument("--designs", type=int, help="so many designs of the grid, evenly chosen")
     parser.add_argument("--workers", type=int, default=WORKERS)

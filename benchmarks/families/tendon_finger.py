@@ -1,12 +1,12 @@
-"""What the study's public script states of its tendon finger, beside ours: python -m benchmarks.families.tendon_finger
+"""Published values of the study's tendon finger compared with ours: python -m benchmarks.families.tendon_finger
 
 Source: the public repository of Yao, Howard, Maiolino (2026), yaoyao199709/soft-robot-task-driven-design at 2311337,
 cases/tendon_driven/run_tendon_validation.py. The example's law (least squares to the published FEM of one joint) is
-put into a chain with the script's pose, masses and cord: the finger lies along world x, gravity is −z, the tendon turns
+put into a chain with the script's pose, masses and cord: the finger is along world x, gravity is −z, the tendon turns
 it upward, and the cord of the weight runs from the underside of the last link, 3.59 mm before its joint, to a point
 10.1 mm beyond and below the straight finger's tip.
 
-Prints the stated values, and for each weight how hard the tendon may be pulled before a joint leaves the law's data.
+Prints the stated values, and for each weight the largest tendon force before a joint leaves the law's data.
 Writes benchmarks/out/tendon_finger.json.
 """
 
@@ -21,7 +21,7 @@ from benchmarks.output import ROOT, engine, write
 from numpy.polynomial import polynomial
 
 from pliant import api
-from pliant.pipeline.study import chain_of_study
+from pliant.pipeline.study import build_study_chain
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Cord, Equilibrium, Inputs
 from pliant_plugins.families.reference import TENDON_JOINT
@@ -41,16 +41,16 @@ LARGEST_RAD, STEP_N = 0.93, 0.05
 
 
 def link_kg(volumes_m3: tuple[float, float]) -> float:
-    """Mass of a link from its rigid and its soft volume."""
+    """Return mass of a link from its rigid and its soft volume."""
     return RIGID_KG_M3 * volumes_m3[0] + SOFT_KG_M3 * volumes_m3[1]
 
 
 def finger() -> ChainModel:
-    """The example's laws in the script's pose; every link's mass stands at its joint, as the script has it."""
+    """Build the example's laws in the script's pose; every link's mass is at its joint, as in the script."""
     lies = ["chain.base={direction: [1, 0, 0]}", f"chain.segments.0.rigid.length={1e3 * BASE_M - 14} mm"]
     with tempfile.TemporaryDirectory() as folder:
         opened = api.open_study(STUDY, lies, store=folder)
-        chain = chain_of_study(opened.bench, opened.study).chain
+        chain = build_study_chain(opened.bench, opened.study).chain
     base, *links = chain.bodies
     masses = (link_kg(LINK_M3), link_kg(LINK_M3), link_kg(LAST_M3))
     moved = [replace(b, mass_kg=m, com_m=np.zeros(3)) for b, m in zip(links, masses, strict=True)]
@@ -58,13 +58,13 @@ def finger() -> ChainModel:
 
 
 def cords(weight_kg: float) -> tuple[Cord, ...]:
-    """The cord of the weight, along the script's line."""
+    """Return the cord of the weight, along the script's line."""
     pulley = np.array([FINGER_M + HEIGHT_M / 2, 0.0, -HEIGHT_M / 2])
     return (Cord(3, np.array(CORD_M), pulley, WEIGHT * weight_kg),) if weight_kg else ()
 
 
 def pulled(chain: ChainModel, weight_kg: float, up_to_n: float) -> tuple[float, Equilibrium]:
-    """The last pull and equilibrium, in steps, at which every joint is within the law's data."""
+    """Return the last pull and equilibrium, in steps, at which every joint is within the law's data."""
     with engine("quasistatic").build(chain) as simulation:
         reached = 0.0
         found = simulation.settle()
@@ -78,7 +78,7 @@ def pulled(chain: ChainModel, weight_kg: float, up_to_n: float) -> tuple[float, 
 
 
 def row(chain: ChainModel, weight_kg: float, stated_n: float) -> dict[str, Any]:
-    """The largest pull within the data, with angles (rad), travel by the published formula (m) and tip (m)."""
+    """Return the largest pull within the data, with angles (rad), travel by the published formula (m) and tip (m)."""
     reached, state = pulled(chain, weight_kg, stated_n)
     angles = state.joint_angles[:, 0]
     lengths = polynomial.polyval(angles, np.array(STUDY_LENGTH_M))

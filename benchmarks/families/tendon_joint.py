@@ -5,19 +5,19 @@
 The joint's geometry is not published. Stated: the tendon's length between its holes at rest, 27.297 mm (published);
 the flexure's length, thickness and width (assumed). Fitted, on the free branch alone: the tendon's offset and the
 shear modulus. The free branch fixes ratios only (stiffness to arm, growth of the arm to the arm): the stated tendon
-length gives the scale. Nothing is fitted on the constrained branch; that a flexure of about this length meets it was
-known when the length was chosen, which is why `--sensitivity` prints other choices.
+length gives the scale. Nothing is fitted on the constrained branch; but the length was chosen in the knowledge that a
+flexure of about this length fits it, which is why `--sensitivity` prints other choices.
 
 Prints the table and writes benchmarks/out/tendon_joint.json.
 
-The published FEM of one tendon joint (Yao, Howard, Maiolino 2026, doi 10.1002/aisy.70406), and what it says itself.
+The published FEM of one tendon joint (Yao, Howard, Maiolino 2026, doi 10.1002/aisy.70406).
 
-Read off the data, before any model:
+Observed in the data, without a model:
 - M is linear in T at a held angle, M = T arm(θ) − S(θ), with S close to 0.095 N·m/rad · θ;
-- past θ ≈ −0.02 rad the moment rises several times as steeply: a stop, which no model here has (`lip`);
-- four of the eight free points that have a constrained branch lie 4 to 10 mrad below where it leads as M → 0, the
-  others within 0.3 mrad (`free_gaps`): the free branch carries errors of up to 2 %;
-- the last free point, 7.925 N, lies beyond a second stop: dθ/dT falls from 0.157 to 0.088 rad/N before it.
+- past θ ≈ −0.02 rad the moment rises several times as steeply: a stop, which no model in this module includes (`lip`);
+- four of the eight free points that have a constrained branch are 4 to 10 mrad below its limit for M → 0, the others
+  within 0.3 mrad (`free_gaps`): the free branch has errors of up to 2 %;
+- the last free point, 7.925 N, is beyond a second stop: dθ/dT falls from 0.157 to 0.088 rad/N before it.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from benchmarks.families.published_y import free_curve, solver_of
-from benchmarks.output import REFERENCE, parser_of, reference_table, write
+from benchmarks.families.published_y import free_curve, make_solver
+from benchmarks.output import REFERENCE, make_parser, reference_table, write
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
@@ -74,7 +74,7 @@ class Published:
         return np.unique(self.force_n[~self.free])
 
     def at_angle(self, angle_rad: float) -> tuple[float, float]:
-        """(arm in m, S in N·m) at a held angle: the line M = T arm − S through the branches that reach it."""
+        """Return (arm in m, S in N·m) at a fixed angle: the line M = T arm − S through the branches that reach it."""
         forces, moments = [], []
         for force in self.forces_n:
             rows = np.flatnonzero((self.force_n == force) & ~self.free)
@@ -86,7 +86,7 @@ class Published:
         return float(arm), -float(offset)
 
     def free_gaps(self) -> dict[str, float]:
-        """Free angle less that of the force's own constrained branch carried on to M = 0, rad, by force.
+        """Return the free angle less that of the force's constrained branch extrapolated to M = 0, rad, by force.
 
         The continuation is a parabola through eight rows; the first, which some of the free points share their
         error with, is left out.
@@ -101,7 +101,7 @@ class Published:
         return gaps
 
     def lip(self) -> dict[str, float]:
-        """The stop: M = T arm − S past it, compared with M between the stops carried on to the same angles.
+        """Return M = T arm − S past the stop, and M between the stops extrapolated to the same angles.
 
         Links that meet on a lip at height d above the mid-plane turn about it and stretch the flexure: the arm
         grows by d, the stiffness from EI/c to EI/c + d² EA/c = (1 + 12 d²/t²) EI/c, which gives t.
@@ -120,13 +120,13 @@ class Published:
         return {"arm_rise_m": rise, "stiffness_ratio": ratio, "thickness_m": thickness}
 
     def error(self, predicted_n_m: Array, rows: Mask) -> float:
-        """RMS of the moment's error over the RMS of the moment, over rows."""
+        """Return RMS of the moment's error over the RMS of the moment, over rows."""
         error = predicted_n_m[rows] - self.moment_n_m[rows]
         return float(np.linalg.norm(error) / np.linalg.norm(self.moment_n_m[rows]))
 
 
 def published() -> Published:
-    """The table; ends the program with a sentence where it is absent."""
+    """Return the table; exit with a message if it is absent."""
     table = reference_table("tendon_joint_fem.csv")
     if table is None:
         sys.exit(f"tendon_joint: the reference data are absent: {REFERENCE} (see docs: reference study)")
@@ -134,13 +134,13 @@ def published() -> Published:
 
 
 OFFSETS_MM = (5.2, 8.2)  # where the offset is sought
-STEEPEST_RAD = 1.05  # free curves are solved so far
+STEEPEST_RAD = 1.05  # free curves are solved up to this value
 ARM_ANGLES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What is stated, not fitted."""
+    """Stated values, which are not fitted."""
 
     flexure_length_m: float = 5e-3
     flexure_thickness_m: float = 1e-3
@@ -150,7 +150,7 @@ class Stated:
 
 @dataclass(frozen=True)
 class Fitted:
-    """What the free branch gives; `rms_rad` is the error of its angles."""
+    """Values fitted to the free branch; `rms_rad` is the error of its angles."""
 
     tendon_offset_m: float
     shear_modulus_pa: float
@@ -179,10 +179,10 @@ class Joint:
 
     def solver(self, offset_m: float) -> SkfemSolver:
         problem = self.family(offset_m).problem(self.refinement)
-        return solver_of(problem, self.unit_pa, tendon_force_max_n=8.0)
+        return make_solver(problem, self.unit_pa, tendon_force_max_n=8.0)
 
     def free_curve(self, offset_m: float) -> CubicHermiteSpline:
-        """Free angle by T · unit/μ, from exact slopes; it ends before the joint snaps shut."""
+        """Return the free angle by T · unit/μ, from exact slopes; it ends before the joint snaps shut."""
         model = self.solver(offset_m)
         states = [model.rest()]
         for force in np.arange(1.0, 14.0):
@@ -196,12 +196,12 @@ class Joint:
 
 
 def fit(joint: Joint, data: Published) -> Fitted:
-    """Offset and modulus with the least squares of the free angle."""
+    """Fit offset and modulus to the free angle by least squares."""
     rows = data.fitted & (data.force_n <= joint.stated.free_top_n)
     force, angle = data.force_n[rows], data.angle_rad[rows]
 
     def modulus(offset_mm: float) -> tuple[float, float]:
-        """The best modulus, in units, and its sum of squares."""
+        """Return the best modulus, in units, and its sum of squares."""
         curve = joint.free_curve(1e-3 * offset_mm)
         found = minimize_scalar(
             lambda m: float(np.sum((curve(np.minimum(force / m, curve.x[-1])) - angle) ** 2)),
@@ -219,7 +219,7 @@ def fit(joint: Joint, data: Published) -> Fitted:
 
 
 def predict(joint: Joint, fitted: Fitted, data: Published) -> Array:
-    """Moments (n,) at the constrained rows, NaN elsewhere."""
+    """Predict moments (n,) at the constrained rows, NaN elsewhere."""
     model, units = joint.solver(fitted.tendon_offset_m), fitted.shear_modulus_pa / joint.unit_pa
     moments = np.full(len(data.force_n), np.nan)
     for force in data.forces_n:
@@ -232,7 +232,7 @@ def predict(joint: Joint, fitted: Fitted, data: Published) -> Array:
 
 
 def errors(data: Published, moments: Array) -> dict[str, Any]:
-    """Relative RMS by force and in all, over the rows between the stops and over all rows."""
+    """Return relative RMS by force and in all, over the rows between the stops and over all rows."""
 
     def by_force(rows: Mask) -> dict[str, float]:
         return {f"{f:g}": data.error(moments, rows & (data.force_n == f)) for f in data.forces_n}
@@ -244,7 +244,7 @@ def errors(data: Published, moments: Array) -> dict[str, Any]:
 
 
 def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) -> list[dict[str, float]]:
-    """∂M/∂T by angle: data, ours, ∂travel/∂θ of ours by differences, the arc's closed form, the published formula."""
+    """Return ∂M/∂T by angle: data, ours, our ∂travel/∂θ by differences, the arc's closed form, the published one."""
     model, units = joint.solver(fitted.tendon_offset_m), fitted.shear_modulus_pa / joint.unit_pa
     geometry = joint.family(fitted.tendon_offset_m).geometry
     state, rows, step = model.rest(), [], 2e-3
@@ -271,7 +271,7 @@ def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) ->
 
 
 def convergence(stated: Stated, fitted: Fitted, finest: int) -> list[dict[str, float]]:
-    """Free angle at 3 and 6 N and the moment at 6 N, θ = 0.2, by refinement, with the fitted constants."""
+    """Return the free angle at 3 and 6 N and the moment at 6 N, θ = 0.2, by refinement, constants unchanged."""
     rows = []
     for refinement in range(1, finest + 1):
         joint = Joint(stated, refinement)
@@ -293,7 +293,7 @@ def convergence(stated: Stated, fitted: Fitted, finest: int) -> list[dict[str, f
 
 
 def choices() -> dict[str, Stated]:
-    """Other stated values, one or two changed at a time."""
+    """Return results for other stated values, one or two changed at a time."""
     usual = Stated()
     found = {"as stated": usual}
     for length in (3e-3, 4e-3, 6e-3, 8e-3):
@@ -315,7 +315,7 @@ def study(stated: Stated, refinement: int, data: Published) -> tuple[Joint, Fitt
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--refinement", type=int, default=1)
     parser.add_argument("--finest", type=int, default=3, help="largest refinement of the convergence table")
     parser.add_argument("--sensitivity", action="store_true", help="other stated values too (minutes)")

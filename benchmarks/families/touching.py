@@ -1,14 +1,14 @@
-"""Bellow and PneuNet driven half as far again as where walls first meet: our contact, CalculiX' and none.
+"""Bellow and PneuNet driven to 1.5 times the first contact of walls: our contact, CalculiX' and none.
 
-Each is held at two states: at our free angle under 1.5 times the pressure of first touching, and 10 % beyond that
-angle. The bellow is also bent against actuation, 1.5 times as far as where folds meet on the other side. CalculiX
+Each is fixed at two states: at our free angle under 1.5 times the pressure of first contact, and 10 % beyond that
+angle. The bellow is also bent against actuation, to 1.5 times the angle at which folds meet on the other side. CalculiX
 solves the same cells (20 nodes for 27) at the same pressures and angles, face to face against rigid plates in the
-mirror planes. The range of torque is what our slope there gives over the whole angle, so that its share is that of the
-angle too.
+mirror planes. The range of torque is our slope there times the whole angle, so that shares of torque and angle are
+equal.
 
     python -m benchmarks.families.touching [--module bellow] [--state 0] [--refinement 3] [--inner-mm 0.5] [--json FILE]
 
-needs ccx; contrib/pliant-calculix/src is taken as it lies.
+needs ccx; contrib/pliant-calculix/src is imported without installation.
 """
 
 from __future__ import annotations
@@ -64,35 +64,35 @@ class Place:
 
 
 def built(interface: str, **block: Any) -> Any:
-    """A component."""
+    """Return a component."""
     registry = discover()
     model = registry.get(interface, block["kind"]).config_model()
     return registry.build(interface, model.model_validate(block))
 
 
 def rubber(shear_modulus: str, regions: dict[str, str]) -> Material:
-    """Neo-Hookean body and regions."""
+    """Return neo-Hookean body and regions."""
     body: Material = built("material", kind="neo_hookean", shear_modulus=shear_modulus)
     others = {n: built("material", kind="neo_hookean", shear_modulus=mu) for n, mu in regions.items()}
     return body.with_regions(others) if others else body
 
 
 def solver(problem: ModuleProblem, material: Material, how: str) -> SkfemSolver:
-    """Ours with or without contact."""
+    """Return our solver with or without contact."""
     fem = built("fem", kind="skfem", pressure_max="15 kPa", self_contact=how)
     made: SkfemSolver = fem.solver(problem, material)
     return made
 
 
 def gap_m(here: SkfemSolver, state: FemState) -> float:
-    """Smallest distance of the skin's points from the planes that they may meet; negative beyond them."""
+    """Return the smallest distance of the skin's points from the contact planes; negative beyond them."""
     contacts = here.assembler.contacts
     assert contacts is not None and contacts.planes is not None
     return -float(contacts.planes.depth(state.solution, state.axial_strain).max())
 
 
 def walk(here: SkfemSolver, by_pressure: bool) -> tuple[float, FemState]:
-    """Pressure or angle at which walls first meet, by the gaps on both sides of it, and the state before."""
+    """Return pressure or angle of first contact, by the gaps on both sides of it, and the state before."""
     step = PRESSURE_STEP_PA if by_pressure else ANGLE_STEP
     state, at = here.rest(), 0.0
     gap = gap_m(here, state)
@@ -104,7 +104,7 @@ def walk(here: SkfemSolver, by_pressure: bool) -> tuple[float, FemState]:
 
 
 def reached(here: SkfemSolver, place: Place) -> FemState:
-    """Our state there, in steps."""
+    """Solve for our state there, in steps."""
     state = here.rest()
     for share in (
         np.linspace(0, 1, 1 + int(np.ceil(place.pressure_pa / 2e3)))[1:] if place.pressure_pa else []
@@ -117,7 +117,7 @@ def reached(here: SkfemSolver, place: Place) -> FemState:
 
 
 def by_calculix(problem: ModuleProblem, material: Material, place: Place, contact: bool = True) -> float:
-    """Torque of the module that opposes actuation, by CalculiX with contact or without."""
+    """Return the module's torque against actuation, by CalculiX with or without contact."""
     sys.path.insert(0, str(CONTRIB))
     from pliant_calculix.deck import Target, contact_path_cards
     from pliant_calculix.model import build_model
@@ -134,7 +134,7 @@ def by_calculix(problem: ModuleProblem, material: Material, place: Place, contac
 
 
 def places(here: SkfemSolver, back: bool) -> tuple[float, list[Place]]:
-    """Pressure at which walls first meet, and the states beyond; one bent back where folds meet there too."""
+    """Return the pressure of first contact, the states beyond, and one bent back if folds meet there too."""
     pressure, before = walk(here, by_pressure=True)
     free = here.free(BEYOND * pressure, here.free(1.2 * pressure, before))
     held = [
@@ -149,7 +149,7 @@ def places(here: SkfemSolver, back: bool) -> tuple[float, list[Place]]:
 def compared(
     place: Place, ours: FemState, none: FemState, theirs: float, theirs_without: float
 ) -> dict[str, Any]:
-    """One row; the range of torque is what the slope gives over the whole angle.
+    """Return one row; the range of torque is the slope times the whole angle.
 
     What contact changes is compared too: the codes' elements differ without it already.
     """

@@ -21,7 +21,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from benchmarks.families.published_y import free_curve, relative_rms, solver_of
+from benchmarks.families.published_y import free_curve, make_solver, relative_rms
 from benchmarks.output import Bar, write
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -54,14 +54,14 @@ OPEN_MM3 = (
     1584.4, 1685.4, 1770.8, 1845.5, 1912.6, 1974.1, 2031.5, 2085.7,
     2137.5, 2187.6, 2236.3, 2284.1, 2331.2, 2377.9, 2424.4, 2471.0,
 )  # fmt: skip
-# Closed, pushed back by so many N at a constant pressure (Pa): extension in mm.
+# Closed, pushed back by a force (N) at a constant pressure (Pa): extension in mm.
 FORCES_N = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 PUSHED_MM = {
     5e3: (1.7606, 1.117, 0.37158, -0.51763, -1.6209, -3.0577),
     10e3: (3.1081, 2.6930, 2.2460, 1.7601, 1.2262, 0.63177),
     15e3: (4.0025, 3.6803, 3.3432, 2.9890, 2.6153, 2.2188),
 }
-# Chains of so many modules solved as one body at 10 kPa, pushed back by so many N: extension of the chain in mm.
+# Chains, by number of modules, solved as one body at 10 kPa, pushed back by a force (N): extension of the chain in mm.
 MODULES = np.arange(2, 11)
 CHAIN_PA = 10e3
 CHAINS_MM = {
@@ -71,7 +71,7 @@ CHAINS_MM = {
 }
 # The end's area as the script states it, to take its thrust off: a circle of 4.00 mm.
 STATED_END_MM2 = 50.263
-# What is solved here.
+# Solved cases.
 PRESSURES = (2e3, 4e3, 7.5e3, 10e3, 12.5e3, 15e3)
 MODULI = (240e3, 240.5e3, 249e3)
 FITTED_AT = 240e3
@@ -80,7 +80,7 @@ INSIDE = ("end sections free to breathe", "end sections held")
 
 
 def end_area_mm2() -> Array:
-    """The area (15,) that pressure does not push on where ends are open, by energy: ∫ p dV − U = A ∫ p dx."""
+    """Return the end area (15,) without pressure on open ends, by energy: ∫ p dV − U = A ∫ p dx."""
     pressure_mpa, x, volume = 1e-3 * KPA, np.array(OPEN_MM), np.array(OPEN_MM3)
     by_volume = CubicSpline(volume, pressure_mpa).antiderivative()
     by_extension = CubicSpline(x, pressure_mpa).antiderivative()
@@ -89,25 +89,25 @@ def end_area_mm2() -> Array:
 
 
 def chain_slopes() -> dict[float, tuple[float, float]]:
-    """By force: what a further module adds, and what the chain's two ends take off (mm), by least squares."""
+    """Return, by force, the least-squares extension per module and the loss at the chain's two ends (mm)."""
     found = {force: np.polyfit(MODULES, chain, 1) for force, chain in CHAINS_MM.items()}
     return {force: (float(slope), float(-offset)) for force, (slope, offset) in found.items()}
 
 
 def module() -> BellowTranslational:
-    """The published design, r 5, R 8, t 1.5, l 10 mm."""
+    """Return the published design, r 5, R 8, t 1.5, l 10 mm."""
     return BellowTranslational(BellowTranslationalConfig.model_validate(EXTENDING))
 
 
 def problem(held: bool, refinement: int = 1) -> ModuleProblem:
-    """One module; `held`: nothing of an end section moves in its plane."""
+    """Return the problem of one module; `held`: no motion of an end section in its plane."""
     found = module().problem(refinement)
     return replace(found, fixed={**found.fixed, "end": (0, 1, 2)}) if held else found
 
 
 def fitted(held: bool, refinement: int = 1) -> dict[str, Any]:
-    """The modulus (Pa) that fits the published closed free curve, and the error (RMS, mm) that it leaves."""
-    model = solver_of(problem(held, refinement), FITTED_AT, pressure_max_pa=25e3)
+    """Fit the modulus (Pa) to the published closed free curve; return it and the error (RMS, mm)."""
+    model = make_solver(problem(held, refinement), FITTED_AT, pressure_max_pa=25e3)
     states = [model.rest()]
     for pressure in FIT_PRESSURES:
         states.append(model.free(pressure, states[-1]))
@@ -127,8 +127,8 @@ def fitted(held: bool, refinement: int = 1) -> dict[str, Any]:
 
 
 def predicted(held: bool, mu_pa: float) -> dict[str, Any]:
-    """States that nothing was fitted to, ours beside the published ones."""
-    model = solver_of(problem(held), mu_pa, pressure_max_pa=16e3)
+    """Return our and the published values of states that were not fitted."""
+    model = make_solver(problem(held), mu_pa, pressure_max_pa=16e3)
     rest, end_m2 = model.rest(), 1e-6 * float(np.median(end_area_mm2()))
     forces = {pressure: _forces(model, pressure, extensions) for pressure, extensions in PUSHED_MM.items()}
     closed = model.free(15e3, rest)
@@ -150,7 +150,7 @@ def predicted(held: bool, mu_pa: float) -> dict[str, Any]:
 
 
 def _forces(model: SkfemSolver, pressure: float, extensions_mm: tuple[float, ...]) -> Array:
-    """Force (n,) that holds each published extension."""
+    """Return the force (n,) at each published extension."""
     state, found = model.free(pressure, model.rest()), []
     for extension in extensions_mm:
         state = model.constrained(pressure, 1e-3 * extension, state)
@@ -159,7 +159,7 @@ def _forces(model: SkfemSolver, pressure: float, extensions_mm: tuple[float, ...
 
 
 def _in_a_chain(model: SkfemSolver, end_m2: float) -> dict[str, float]:
-    """Extension (mm) of one module with open ends at the chains' pressure, by force."""
+    """Return extension (mm) of one module with open ends at the chains' pressure, by force."""
     state, found = model.free(CHAIN_PA, model.rest()), {}
     for force in CHAINS_MM:
         state = _under(model, CHAIN_PA, CHAIN_PA * end_m2 + force, state)
@@ -172,8 +172,8 @@ def _under(model: SkfemSolver, pressure: float, force: float, start: FemState) -
 
 
 def extensions(mu_pa: float, refinement: int = 1) -> dict[str, Any]:
-    """Free extensions (m) by pressure, status at the last, stiffness and thrust area at rest."""
-    solver = solver_of(problem(False, refinement), mu_pa)
+    """Return free extensions (m) by pressure, status at the last, stiffness and thrust area at rest."""
+    solver = make_solver(problem(False, refinement), mu_pa)
     state = rest = solver.rest()
     found = {}
     for pressure in PRESSURES:
@@ -190,7 +190,7 @@ def extensions(mu_pa: float, refinement: int = 1) -> dict[str, Any]:
 
 
 def told(fits: list[dict[str, Any]], found: list[dict[str, Any]], own: dict[str, float]) -> None:
-    """Ours beside the published figures."""
+    """Print our figures and the published ones."""
     print("read off the published figures                published      ours")
     print(f"    volume inside at rest, mm³              {OPEN_MM3[0]:10.1f}  {own['volume_mm3']:10.1f}")
     print(
@@ -235,7 +235,7 @@ def main() -> None:
         "end_by_energy_mm2": float(np.median(end_area_mm2())),
     }
     fits = [fitted(False), fitted(True), fitted(True, refinement=2)]
-    # a chain's inner modules breathe whatever its ends do: with the modulus of the fit that holds
+    # a chain's inner modules move radially whatever its ends do: with the modulus of the fit with held ends
     mu_pa = fits[1]["shear_modulus_pa"]
     found = [predicted(False, fits[0]["shear_modulus_pa"]), predicted(True, mu_pa), predicted(False, mu_pa)]
     told(fits, found, own)

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.grasp.gripper import code_of, finger, grasp
-from benchmarks.output import REFERENCE, engine, parser_of, read, registry, write
+from benchmarks.grasp.gripper import engine_code_digest, finger, grasp
+from benchmarks.output import REFERENCE, engine, make_parser, read, registry, write
 from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr, ndtri
 from scipy.stats import qmc, spearmanr
@@ -70,13 +70,13 @@ class Unknown:
     levels: tuple[float, ...] = ()
 
     def others(self) -> tuple[float, ...]:
-        """A value below and one above, for sensitivities."""
+        """Return a value below and one above, for sensitivities."""
         if self.levels:
             return tuple(level for level in self.levels if level != self.nominal)
         return (self.nominal - self.spread, self.nominal + self.spread)
 
     def at(self, standard: float) -> float:
-        """The value at so many standard deviations from the nominal one."""
+        """Return the value at `standard` standard deviations from the nominal one."""
         value = self.nominal + self.spread * min(max(standard, -WIDEST), WIDEST)
         if self.levels:
             return min(self.levels, key=lambda level: abs(level - value))
@@ -108,20 +108,20 @@ NOMINAL = {unknown.name: unknown.nominal for unknown in UNKNOWNS}
 
 
 def drawn(count: int, seed: int, centre: Array | None = None, width: float = 1.0) -> Array:
-    """(count, unknowns) standardised sets by a scrambled Sobol sequence, around a centre; count is a power of two."""
+    """Draw (count, unknowns) standardised sets by scrambled Sobol around a centre; count is a power of two."""
     uniform = qmc.Sobol(len(UNKNOWNS), seed=seed).random(count)
     tail = float(ndtr(-WIDEST))
     around: Array = ndtri(tail + (1.0 - 2.0 * tail) * uniform)
     return np.clip((0.0 if centre is None else centre) + width * around, -WIDEST, WIDEST)
 
 
-def setup_of(z: Array) -> dict[str, float]:
-    """The values of a standardised set."""
+def setup_values(z: Array) -> dict[str, float]:
+    """Return the values of a standardised set."""
     return {u.name: u.at(float(value)) for u, value in zip(UNKNOWNS, z, strict=True)}
 
 
 def standardised(setup: Mapping[str, float]) -> Array:
-    """The inverse of `setup_of`, levels as they are."""
+    """Return the inverse of `setup_values`, levels unchanged."""
     return np.array([(setup[u.name] - u.nominal) / u.spread for u in UNKNOWNS])
 
 
@@ -134,7 +134,7 @@ class Probit:
 
     @staticmethod
     def fitted(z: Array, successes: Array, trials: int) -> Probit:
-        """Maximum likelihood with a weak prior, from counts (sets, cells) of `trials` at sets (sets, unknowns)."""
+        """Fit by maximum likelihood with a weak prior to counts (sets, cells) of `trials` at sets (sets, unknowns)."""
         cells, unknowns = successes.shape[1], z.shape[1]
 
         def loss(theta: Array) -> float:
@@ -146,7 +146,7 @@ class Probit:
         return Probit(theta[:cells], theta[cells:])
 
     def posterior(self, measured: Array, of: int) -> tuple[Array, Array]:
-        """Mode (unknowns,) of z given the cells' measured counts, and its covariance by Laplace."""
+        """Return mode (unknowns,) of z given the cells' measured counts, and its covariance by Laplace."""
 
         def loss(z: Array) -> float:
             margin = self.intercepts + self.slopes @ z
@@ -161,14 +161,14 @@ def main() -> None:
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return
-    quick = parser_of(__doc__, "few trials of few sets").parse_args().quick
+    quick = make_parser(__doc__, "few trials of few sets").parse_args().quick
     trials, screening, sets = (6, 3, 8) if quick else (TRIALS, SCREENING, SETS)
     runs = Runs()
     cells = read_table(TABLE)
     egg = [cell for cell in cells if cell.object == "egg"]
     print(f"error on the egg that counting alone explains: {counting_error(egg):.1f} of {30 * len(egg)}")
     mode, covariance = most_probable(runs, egg, sets, screening)
-    chosen = setup_of(mode)
+    chosen = setup_values(mode)
     print("\nunknown            published   most probable")
     for unknown in UNKNOWNS:
         print(
@@ -177,7 +177,7 @@ def main() -> None:
     changes = sensitivities(runs, egg, chosen, screening)
     result = judge(runs, cells, chosen, trials)
     random = np.random.default_rng(SEED)
-    others = [setup_of(z) for z in random.multivariate_normal(mode, covariance, size=OPEN)]
+    others = [setup_values(z) for z in random.multivariate_normal(mode, covariance, size=OPEN)]
     runs.prepare([(setup, cell, screening) for setup in others for cell in cells])
     totals = [runs.error(setup, cells, screening) for setup in others]
     shown = np.sort(totals).round()
@@ -193,51 +193,50 @@ class Runs:
     """Successes and mean rises by set and cell, kept in the output file while the code is the same."""
 
     def __init__(self) -> None:
-        self.code = code_of("mujoco")
+        self.code = engine_code_digest("mujoco")
         earlier = read("grasp_experiment")
         self.found: dict[str, Any] = earlier.get("runs", {}) if earlier.get("code") == self.code else {}
 
     def prepare(self, wanted: Sequence[Run]) -> None:
-        """Simulate what is not known yet, in a process for each core."""
-        missing = {key_of(*one): one for one in wanted if key_of(*one) not in self.found}
+        """Simulate the missing cells, in a process for each core."""
+        missing = {cell_key(*one): one for one in wanted if cell_key(*one) not in self.found}
         with executor_for(None, len(missing)) as executor, JobQueue(executor, simulate) as queue:
             for done, one in enumerate(queue.each([*missing.values()]), 1):
-                self.found[key_of(*one.item)] = one.unwrap()
+                self.found[cell_key(*one.item)] = one.unwrap()
                 if done % 20 == 0 or done == len(missing):
                     print(f"  simulated {done} of {len(missing)} cells", flush=True)
                     self.save({})
 
     def cell(self, setup: Mapping[str, float], cell: Cell, trials: int) -> dict[str, float]:
         """Share of successes and mean z_max of one cell."""
-        if key_of(setup, cell, trials) not in self.found:
+        if cell_key(setup, cell, trials) not in self.found:
             self.prepare([(setup, cell, trials)])
-        return self.found[key_of(setup, cell, trials)]
+        return self.found[cell_key(setup, cell, trials)]
 
     def error(self, setup: Mapping[str, float], cells: Sequence[Cell], trials: int) -> float:
-        """Σ |ours − measured| over the cells, scaled to 30 trials."""
+        """Return Σ |ours − measured| over the cells, scaled to 30 trials."""
         return sum(abs(30 * self.cell(setup, cell, trials)["share"] - cell.measured) for cell in cells)
 
     def save(self, result: Mapping[str, Any]) -> None:
         write("grasp_experiment", {**result, "code": self.code, "runs": self.found})
 
 
-def key_of(setup: Mapping[str, float], cell: Cell, trials: int) -> str:
-    """What names one simulated cell."""
+def cell_key(setup: Mapping[str, float], cell: Cell, trials: int) -> str:
+    """Return the key of one simulated cell."""
     return f"{sorted(setup.items())} {cell.object} {cell.kpa} {cell.weights} {trials}"
 
 
 def most_probable(runs: Runs, egg: Sequence[Cell], sets: int, trials: int) -> tuple[Array, Array]:
-    """Mode and covariance of the standardised unknowns given the egg.
+    """Fit mode and covariance of the standardised unknowns to the egg's data.
 
-    The probit model is one of straight lines, so it is fitted anew to sets ever nearer to its mode, the last two
-    rounds at a time.
+    The probit model is linear, so it is refitted to sets increasingly near its mode, the last two rounds at a time.
     """
     measured = np.array([cell.measured for cell in egg])
     mode, covariance = np.zeros(len(UNKNOWNS)), np.eye(len(UNKNOWNS))
     before = np.zeros((0, len(UNKNOWNS)))
     for number, (share, width) in enumerate(ROUNDS):
         here = np.vstack([mode, drawn(int(share * sets), SEED + number, mode, width)])
-        setups = [setup_of(row) for row in (*before, *here)]
+        setups = [setup_values(row) for row in (*before, *here)]
         before = here
         runs.prepare([(setup, cell, trials) for setup in setups for cell in egg])
         counts = np.array(
@@ -251,7 +250,7 @@ def most_probable(runs: Runs, egg: Sequence[Cell], sets: int, trials: int) -> tu
 
 
 def simulate(run: Run) -> dict[str, float]:
-    """Trials of a cell in MuJoCo; the same seed in every cell and set, so that differences are those of the set."""
+    """Simulate trials of a cell in MuJoCo; the seed is the same in every cell and set, to compare sets."""
     setup, cell, trials = run
     chain = finger(f"material.shear_modulus={setup['shear_modulus']:g}")
     height = {"egg": 0.065, "cylinder": 0.035}[cell.object]
@@ -278,7 +277,7 @@ def simulate(run: Run) -> dict[str, float]:
 def sensitivities(
     runs: Runs, egg: Sequence[Cell], start: Mapping[str, float], trials: int
 ) -> dict[str, dict[str, float]]:
-    """The egg's error with each unknown changed alone."""
+    """Return the egg's error with each unknown changed alone."""
     moved = {u.name: [start[u.name] + v - u.nominal for v in u.others()] for u in UNKNOWNS if not u.levels}
     moved.update({u.name: [v for v in u.levels if v != start[u.name]] for u in UNKNOWNS if u.levels})
     runs.prepare(
@@ -296,7 +295,7 @@ def sensitivities(
 
 
 def judge(runs: Runs, cells: Sequence[Cell], chosen: Mapping[str, float], trials: int) -> dict[str, Any]:
-    """The table of all cells under the chosen set."""
+    """Print and return the table of all cells under the chosen set."""
     rows = []
     runs.prepare([(chosen, cell, trials) for cell in cells])
     print("\nobject    kPa  weights  measured  published  ours   z_max mm")
@@ -327,7 +326,7 @@ def judge(runs: Runs, cells: Sequence[Cell], chosen: Mapping[str, float], trials
 
 
 def counting_error(cells: Sequence[Cell]) -> float:
-    """Expected Σ |a − b| of two counts of 30 with the measured share of success, one for each side."""
+    """Return the expected Σ |a − b| of two counts of 30 with the measured share of success, one for each side."""
     random = np.random.default_rng(0)
     shares = np.array([cell.measured / 30 for cell in cells])
     ours, theirs = random.binomial(30, shares, (2, 20_000, len(cells)))
@@ -335,7 +334,7 @@ def counting_error(cells: Sequence[Cell]) -> float:
 
 
 def read_table(path: Path) -> list[Cell]:
-    """The reference table, groups of ten added."""
+    """Return the reference table, groups of ten added."""
     cells = []
     with path.open() as file:
         for row in csv.DictReader(file):

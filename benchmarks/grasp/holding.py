@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.grasp.gripper import code_of, finger, grasp
-from benchmarks.output import engine, known, parser_of, read, write
+from benchmarks.grasp.gripper import engine_code_digest, finger, grasp
+from benchmarks.output import engine, known, make_parser, read, write
 
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel
@@ -32,13 +32,13 @@ MUJOCO_DEFAULTS = {
 
 
 def main() -> None:
-    quick = parser_of(__doc__, "two cases, coarsely; nothing is taken over").parse_args().quick
+    quick = make_parser(__doc__, "two cases, coarsely; nothing is taken over").parse_args().quick
     resolution = 0.010 if quick else 0.002
     chain = finger()
     law = chain.laws[0].record()
     numbers = [array.round(12).tolist() for array in law.arrays.values()]
-    # What a limit depends on: the law, and the code of task and engines.
-    made_of = f"{code_of('mujoco', 'pybullet')} {law.kind} {sorted(law.values.items())} {numbers}"
+    # Dependencies of a limit: the law, and the code of task and engines.
+    made_of = f"{engine_code_digest('mujoco', 'pybullet')} {law.kind} {sorted(law.values.items())} {numbers}"
     found: dict[str, Any] = {} if quick else read("grasp_holding")
     if found.get("chain") != made_of:
         found = {"chain": made_of}
@@ -72,10 +72,10 @@ def main() -> None:
 def limit_kg(
     backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, within_kg: float
 ) -> float:
-    """Largest extra mass held; 0 where not even the object itself is."""
+    """Return the largest extra mass held; 0 if not even the object itself is held."""
 
     def held(extra_kg: float) -> bool:
-        """Whether the object with this extra mass at its centre is lifted and stays."""
+        """Return whether the object with this extra mass at its centre is lifted and stays."""
         weights = {"extra_weights": 1, "weight_kg": extra_kg} if extra_kg > 0 else {}
         task = grasp(object=name, pressure=pressure, **weights)
         return bool(task.run(chain, backend.build_scene).metrics["mode"] == "stable")
@@ -94,7 +94,7 @@ def limit_kg(
 def creep_m_s(
     backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, extra_kg: float
 ) -> float | None:
-    """Speed at which a held object sinks, over the second half of a long hold; None if it fell."""
+    """Return the speed at which a held object sinks, over the second half of a long hold; None if it fell."""
     task = grasp(
         object=name, pressure=pressure, extra_weights=1, weight_kg=extra_kg or 1e-6, final_time_s=2 * HOLD_S
     )

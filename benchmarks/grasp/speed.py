@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.grasp.gripper import finger, grasp
-from benchmarks.output import component, engine, known, parser_of, write
+from benchmarks.output import component, engine, known, make_parser, write
 
 from pliant.interfaces.effect import Model
 from pliant.records.chain import ChainModel
@@ -24,8 +24,8 @@ TOUCHING = "_finger_contact"
 
 
 def main() -> None:
-    """Interleaved repeats; the least time of each counts, the median is beside it."""
-    quick = parser_of(__doc__, "fewer repeats").parse_args().quick
+    """Run interleaved repeats; report the least and the median time of each."""
+    quick = make_parser(__doc__, "fewer repeats").parse_args().quick
     counts = {"mujoco": 2 if quick else 9, "pybullet": 1 if quick else 3}
     engines = [kind for kind in counts if known(kind)]
     chain = finger()
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def _episode(name: str, kind: str, chain: ChainModel, touch: bool) -> tuple[float, dict[str, Any]]:
-    """Wall time of a grasp, how it ended, and the time that building its scene takes."""
+    """Return wall time of a grasp, its result, and the time to build its scene."""
     task = grasp(object=name, extra_weights=OBJECTS[name], pressure=15e3, finger_contact=touch)
     backend = engine(kind)
     started = time.perf_counter()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from benchmarks.output import engine, known, largest_mm, settle, write
 from benchmarks.physics import published
-from benchmarks.physics.helix import Ended, efforts_of, helix, helix_law, inputs, roll_history
+from benchmarks.physics.helix import Ended, helix, helix_law, inputs, law_efforts, roll_history
 
 from pliant.records.design import Array
 
@@ -37,11 +37,11 @@ def main() -> None:
     def mujoco(step_s: float, damping: float | str) -> Ended:
         own = {} if isinstance(damping, str) else {"joint_damping": damping, "drag_1_s": 0.0}
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # that a motion diverged is what the table says
+            warnings.simplefilter("ignore", RuntimeWarning)  # the table reports diverged motions
             return roll_history(engine("mujoco", timestep_s=step_s, **own), chain, LOAD_KG, step_s)
 
     def script(step_s: float, motor_n_m: float) -> Ended:
-        return published.run(chain, efforts_of(law), LOAD_KG, motor_n_m, step_s)
+        return published.run(chain, law_efforts(law), LOAD_KG, motor_n_m, step_s)
 
     title = "mujoco: joint damping, N·m·s/rad"
     tables = {"mujoco": table(title, STEPS_S, DAMPINGS, rest, mujoco), "published": []}
@@ -58,7 +58,7 @@ def table(
     rest_m: Array,
     run: Callable[[float, Any], Ended],
 ) -> list[dict[str, Any]]:
-    """Distance from equilibrium and CPU time, a row per step size, a column per damping."""
+    """Print distance from equilibrium and CPU time, a row per step size, a column per damping."""
     print(f"{title}; mm from equilibrium after 2 s (CPU ms)")
     print(f"{'step, ms':>9} " + "".join(f"{damping:>18}" for damping in dampings))
     rows = []

@@ -1,12 +1,12 @@
-"""Work of the efforts over closed paths in joint space: none, where efforts derive from an energy.
+"""Work of the efforts over closed paths in joint space: zero if efforts derive from an energy.
 
     python -m benchmarks.physics.closed_paths      prints, and writes benchmarks/out/physics_closed_paths.json
 
-An engine's efforts are measured, not read: the chain is put at a point of the path without velocity, weight or
-damping, one step of `PULSE_S` is made, and M dq̇/dt, with the mass matrix M of the chain, is the effort that
-reached the joints. So whatever an engine does between a law and its joints is in the figure. The quasi-static
-engine has no inertia: there the effort is the residual of its statics. Beside the energy-consistent map, efforts
-are handed over as torques in the child's frame, as published.
+An engine's efforts are measured: the chain is put at a point of the path without velocity, weight or damping, one step
+of `PULSE_S` is made, and M dq̇/dt, with the mass matrix M of the chain, is the effort that acted on the joints. The
+figure therefore includes all operations of an engine between a law and its joints. The quasi-static engine has no
+inertia: there the effort is the residual of its statics. In addition to the energy-consistent map, efforts are applied
+as torques in the child's frame, as published.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 from benchmarks.output import Bar, engine, known, write
-from benchmarks.physics.helix import UnmappedLaw, helix, helix_law, inputs, of_size
+from benchmarks.physics.helix import UnmappedLaw, helix, helix_law, inputs, sized_segments
 
-from pliant.interfaces.physics import Simulation, SimulationState
+from pliant.interfaces.simulation import Simulation, SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
@@ -46,9 +46,9 @@ def main() -> None:
 
     def largest(name: str, chain: ChainModel) -> float:
         if name == "quasi-static":
-            return max(leak(of_statics(chain), energy, seed) for seed in range(PATHS))
+            return max(leak(static_efforts(chain), energy, seed) for seed in range(PATHS))
         with engine(name, joint_damping=0.0).build(chain) as simulation:
-            return max(leak(of_engine(simulation, chain), energy, seed) for seed in range(PATHS))
+            return max(leak(engine_efforts(simulation, chain), energy, seed) for seed in range(PATHS))
 
     for name in ("quasi-static", "mujoco", *(["pybullet"] if known("pybullet") else [])):
         results[name] = {kind: largest(name, weightless(effort_law)) for kind, effort_law in laws.items()}
@@ -59,20 +59,20 @@ def main() -> None:
 
 
 def weightless(law: JointLaw) -> ChainModel:
-    """Four modules of the helix, one in each segment, without gravity."""
-    chain = helix(law, of_size(MODULES))
+    """Return four modules of the helix, one in each segment, without gravity."""
+    chain = helix(law, sized_segments(MODULES))
     bodies = tuple(replace(body, inertia_kg_m2=INERTIA_KG_M2) for body in chain.bodies)
     return chain.with_(gravity_m_s2=np.zeros(3), bodies=bodies)
 
 
-def of_statics(chain: ChainModel) -> Efforts:
-    """The efforts (n, a) at coordinates q (n, a) by the statics that the quasi-static engine balances."""
-    statics, loads = ChainStatics(chain), Loads.of(chain, inputs(0.0))
+def static_efforts(chain: ChainModel) -> Efforts:
+    """Return the efforts (n, a) at coordinates q (n, a) by the statics of the quasi-static engine."""
+    statics, loads = ChainStatics(chain), Loads.from_inputs(chain, inputs(0.0))
     return lambda q: statics.residual(q, loads)
 
 
-def of_engine(simulation: Simulation, chain: ChainModel) -> Efforts:
-    """The efforts that reach the joints of a dynamics engine: M q̇ / h after one step h from rest."""
+def engine_efforts(simulation: Simulation, chain: ChainModel) -> Efforts:
+    """Return the efforts that act on the joints of a dynamics engine: M q̇ / h after one step h from rest."""
 
     def efforts(q: Array) -> Array:
         simulation.restore(SimulationState(0.0, q, np.zeros_like(q)))
@@ -85,7 +85,7 @@ def of_engine(simulation: Simulation, chain: ChainModel) -> Efforts:
 
 
 def leak(efforts: Efforts, energy: ChainStatics, seed: int, points: int = POINTS) -> float:
-    """|∮ τ dq| over the largest elastic energy along a smooth closed path of three harmonics.
+    """Return |∮ τ dq| over the largest elastic energy along a smooth closed path of three harmonics.
 
     The trapezoidal rule errs by O(1/points³), because of the kink in the slope of u|u|.
     """

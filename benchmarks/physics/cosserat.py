@@ -55,20 +55,20 @@ class SettledRod:
     longest_stretch: float
 
     def settled_after_s(self, within_m: float) -> float:
-        """CPU time after which the tip stays within this distance of its final place."""
+        """Return the CPU time after which the tip stays within this distance of its final position."""
         away = np.linalg.norm(self.history_m - self.tip_m, axis=1) > within_m
         last = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
         return float(self.cpu_s[min(last, len(self.cpu_s) - 1)])
 
 
 class Rods(elastica.BaseSystemCollection, elastica.Constraints, elastica.Forcing, elastica.Damping):
-    """What PyElastica asks for: a class of one's own of the features wanted."""
+    """The simulator class that PyElastica requires, with the features used."""
 
 
 def settle_rod(
     law: AxesLaw, load_kg: float, options: RodOptions, segments: Sequence[SegmentSpec] = SEGMENTS
 ) -> SettledRod:
-    """The rod from its straight shape under pressure, its weight and a tip force, damped to rest."""
+    """Settle the rod from its straight shape under pressure, its weight and a tip force, by damping."""
     rod = _rod(law, options, segments)
     cell = float(np.min(np.diff(np.linalg.norm(rod.position_collection, axis=0))))
     step = COURANT * cell * math.sqrt(float(rod.mass.sum()) / float(rod.rest_lengths.sum()) / options.axial_n)
@@ -98,7 +98,7 @@ def settle_rod(
 
 
 def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> Any:
-    """Elements of half a cell, whole cells and half a cell: bends stand in the middles of the cells."""
+    """Build elements of half a cell, whole cells and half a cell: bends are in the middles of the cells."""
     cells = [spec for spec in segments for _ in range(spec.modules * options.cells)]
     lengths = np.array([spec.length_m for spec in cells]) / options.cells
     elements = np.concatenate([[lengths[0] / 2], (lengths[1:] + lengths[:-1]) / 2, [lengths[-1] / 2]])
@@ -118,7 +118,7 @@ def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> 
         rod.shear_matrix[..., k] = options.axial_n * np.eye(3)
     stiffness, rest = _module(law)
     for k, spec in enumerate(cells):
-        # Each bend stands for its whole cell, whatever share of it PyElastica gives the node.
+        # Each bend represents its whole cell, whatever share of it PyElastica assigns to the node.
         share = rod.rest_voronoi_lengths[k] / lengths[k]
         c, s = math.cos(spec.rotation_rad), math.sin(spec.rotation_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])  # about director 3
@@ -128,7 +128,7 @@ def _rod(law: AxesLaw, options: RodOptions, segments: Sequence[SegmentSpec]) -> 
 
 
 def weigh(rod: Any, elements: Array, nodes: Array, cells: Array, density: Array, radius: float) -> None:
-    """Masses of the nodes and inertias of the elements; `density` in kg/m is that of the cells."""
+    """Set masses of the nodes and inertias of the elements; `density` in kg/m is that of the cells."""
     ends = np.concatenate([[0.0], np.cumsum(cells)])
     mass_before = np.concatenate([[0.0], np.cumsum(density * cells)])
     mass = np.diff(np.interp(nodes, ends, mass_before))
@@ -143,7 +143,7 @@ def weigh(rod: Any, elements: Array, nodes: Array, cells: Array, density: Array,
 
 
 def _module(law: AxesLaw) -> tuple[Array, Array]:
-    """Joint stiffness (3, 3) and free angles (3,) of a linear law, in the order of the directors."""
+    """Return joint stiffness (3, 3) and free angles (3,) of a linear law, in the order of the directors."""
     effort = law.evaluate(np.array([PRESSURE_PA]), np.zeros((1, 3)))
     stiffness = -effort.dtau_du[0]
     free = np.linalg.solve(stiffness, effort.tau[0])

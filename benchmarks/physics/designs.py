@@ -13,7 +13,7 @@ import time
 from collections import Counter
 
 import numpy as np
-from benchmarks.output import Bar, engine, seconds_of, write
+from benchmarks.output import Bar, engine, time_calls, write
 from benchmarks.physics.helix import random_cases
 
 from pliant.interfaces.physics import Case
@@ -29,7 +29,7 @@ SOLVED = "stable equilibrium"
 def main() -> None:
     cases, backend, ends = random_cases(DESIGNS), engine("quasistatic"), list[Equilibrium]()
     backend.settle_batch(cases[:2])  # compiles
-    (wall_s,) = seconds_of(lambda: ends.extend(backend.settle_batch(cases)), clock=time.perf_counter)
+    (wall_s,) = time_calls(lambda: ends.extend(backend.settle_batch(cases)), clock=time.perf_counter)
     verdicts = [verdict(case, end) for case, end in zip(cases, ends, strict=True)]
     counts = Counter(verdicts)
     joints = statistics.mean(case.chain.n_joints for case in cases)
@@ -48,8 +48,8 @@ def main() -> None:
 
 
 def verdict(case: Case, end: Equilibrium) -> str:
-    """What the common statics say of an answer."""
-    balance = ChainStatics(case.chain).balance(end.joint_angles, Loads.of(case.chain, case.inputs))
+    """Return the verdict of the common statics on an equilibrium."""
+    balance = ChainStatics(case.chain).balance(end.joint_angles, Loads.from_inputs(case.chain, case.inputs))
     balanced = np.abs(balance.residual).max() <= TOLERANCE_N_M
     if balanced and unstable_mode(balance.stiffness) is None:
         return SOLVED if end.converged else f"{SOLVED} that the engine did not trust"

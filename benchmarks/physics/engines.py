@@ -21,10 +21,10 @@ from benchmarks.physics import cosserat, published
 from benchmarks.physics.helix import (
     LOADS_KG,
     Ended,
-    efforts_of,
     helix,
     helix_law,
     inputs,
+    law_efforts,
     linear_law,
     residual_n_m,
     roll_history,
@@ -66,7 +66,7 @@ class Uncompiled(JointLaw):
 
 
 def settled(backend: PhysicsBackend, chain: ChainModel, with_build: bool = False) -> Ended:
-    """The equilibrium from the straight chain, `apply` and `settle` counted, `build` if asked."""
+    """Settle from the straight chain; the time includes `apply` and `settle`, and `build` if requested."""
     start = time.process_time()
     final, cpu_s = settle(backend, chain, inputs(LOAD_KG))
     whole = time.process_time() - start
@@ -74,11 +74,11 @@ def settled(backend: PhysicsBackend, chain: ChainModel, with_build: bool = False
 
 
 def cases(law: AxesLaw, networks: published.NetworkLaw, chain: ChainModel) -> dict[str, Callable[[], Ended]]:
-    """Every contestant, as a function that runs it once and tells where it ended."""
+    """Return every case as a function that runs it once and returns the final state."""
     still, by_step = engine("quasistatic"), "mujoco, the same in a Python loop, steps of 12.5 ms"
     named: dict[str, Callable[[], Ended]] = {
         BASELINE: partial(published.run, chain, networks.efforts, LOAD_KG),
-        POLYNOMIAL: partial(published.run, chain, efforts_of(law), LOAD_KG),
+        POLYNOMIAL: partial(published.run, chain, law_efforts(law), LOAD_KG),
         PRESET: lambda: run_history(engine("pybullet", preset="published"), chain, LOAD_KG, published.STEP_S),
         COLD: partial(settled, still, chain),
         "quasi-static, building the chain's model included": partial(settled, still, chain, True),
@@ -114,7 +114,7 @@ def main() -> None:
 
 
 def rounds(named: Mapping[str, Callable[[], Ended]]) -> tuple[dict[str, Ended], dict[str, list[float]]]:
-    """Where each case ends, and its seconds in every round."""
+    """Run all rounds; return each case's final state and its seconds in every round."""
     ends: dict[str, Ended] = {}
     seconds: dict[str, list[float]] = {name: [] for name in named}
     for number in range(ROUNDS):
@@ -131,7 +131,7 @@ def rounds(named: Mapping[str, Callable[[], Ended]]) -> tuple[dict[str, Ended], 
 def table(
     chain: ChainModel, equilibrium: Ended, ends: Mapping[str, Ended], seconds: Mapping[str, list[float]]
 ) -> tuple[list[Bar], dict[str, Any]]:
-    """Prints and returns every case; the bar on the quasi-static engine."""
+    """Print and return every case and the bar on the quasi-static engine."""
     print(f"{'20 g at the tip, 15 kPa':52s} {'CPU s':>9} {'ratio':>9} {'residual N·m':>13} {'away mm':>9}")
     rows: dict[str, Any] = {}
     for name, end in ends.items():
@@ -152,7 +152,7 @@ def table(
 
 
 def rod_rows(baseline: list[float]) -> dict[str, Any]:
-    """PyElastica, tuned for speed, on the linear-law helix without its end cylinder, and the engines on the same."""
+    """Run PyElastica, tuned for speed, on the linear-law helix without its end cylinder, and the engines."""
     law, still = linear_law(), engine("quasistatic")
     chain = helix(law, end_cylinder=False)
     cosserat.settle_rod(law, LOAD_KG, cosserat.COMPILING)
@@ -172,7 +172,7 @@ def rod_rows(baseline: list[float]) -> dict[str, Any]:
 
 
 def mujoco_histories(chain: ChainModel, baseline: list[float]) -> tuple[list[dict[str, Any]], Bar]:
-    """MuJoCo's 2 s run under all loads at every step; the bar is on the fastest step that is close under all."""
+    """Run MuJoCo's 2 s history under all loads at every step; the bar is on the fastest step close under all."""
     print(
         "MuJoCo with its defaults but for the step: mm from equilibrium after the same 2 s (ratio to the baseline)"
     )

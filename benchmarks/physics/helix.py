@@ -1,11 +1,11 @@
 """The study's helical actuator as a chain: 22 spherical joints in four segments turned about the chain axis.
 
-The law of the main axis y is the study's form, fitted by least squares to its FEM table where
-`../shared/data/reference` is there; elsewhere the coefficients of that fit are stated below. The laws of z
-and of the twist x are stated: the study's tables of them are not public. Tip loads are forces. Hinges stand on
-the axis of the modules, so that a rod is the same body; in examples/helix they stand beside it, as in the study.
+The law of the main axis y is the published form, fitted by least squares to its FEM table if `../shared/data/reference`
+exists; otherwise the coefficients of that fit are stated below. The laws of z and of the twist x are stated: the
+study's tables of them are not public. Tip loads are forces. Hinges are on the axis of the modules, so that a rod is the
+same body; in examples/helix they are off the axis, as in the study.
 
-Beside it what the benchmarks do with it: the history of the published run, a law in a wrong frame, random designs.
+The module also has what benchmarks share: the history of the published run, a law in a wrong frame, random designs.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from pliant.records.law import Domain, Effort, JointLaw, LawRecord
 from pliant.records.rollout import Inputs
 from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
-from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
+from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, study_law
+from pliant_plugins.surrogates.polynomial.study import fit_study
 
 # Of the published run: 1 s of ramp and 1 s of hold.
 RAMP_S, DURATION_S = 1.0, 2.0
@@ -42,7 +42,7 @@ PRESSURE_PA = 15e3
 LOADS_KG = (0.0, 0.010, 0.020, 0.050)
 G_M_S2 = 9.81
 
-# Least squares on FEM_TABLE, to six digits; used where the table is absent, and checked where it is there.
+# Least squares on FEM_TABLE, to six digits; used if the table is absent, and checked if it exists.
 FITTED_Y = StudyCoefficients(k_n=2.42685e-07, m_a=-8.94493e-08, m_e=8.18381e-3, b_e=6.59128e-3)
 FITTED_BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.51432, 0.84926]]))
 # Stated, of the size that examples/helix/helix.yaml has from FEM: second bending axis, and twist.
@@ -73,7 +73,7 @@ DESCENT_RAD = math.radians(28.0)
 
 
 def read_table() -> FemDataset | None:
-    """The published states of one module, or None where the folder is absent.
+    """Return the published states of one module, or None without the folder.
 
     The joint angle is twice the half-module angle of the table.
     """
@@ -88,7 +88,7 @@ def read_table() -> FemDataset | None:
 
 
 def helix_law() -> AxesLaw:
-    """The law of one module; outside the box of the data, y goes on linearly."""
+    """Return the law of one module; outside the box of the data, y continues linearly."""
     table = read_table()
     if table is None:
         print(f"({FEM_TABLE} is absent: the y law is stated, not fitted)")
@@ -106,9 +106,10 @@ def _three_axes(x: StudyCoefficients, y: PolynomialLaw, z: StudyCoefficients, od
 
 
 def linear_law(pressure_pa: float = PRESSURE_PA, cells: int = 1) -> AxesLaw:
-    """Linear in u: y has the free angle of `helix_law` at this pressure and its slope there; z and x keep b_e.
+    """Return a law linear in u: y has the free angle of `helix_law` at this pressure and its slope; z, x keep b_e.
 
-    With `cells`, the law of a module cut in so many equal joints: each is stiffer and bends less under the same effort.
+    `cells` is the number of equal joints that a module is divided into: each is stiffer and bends less under the same
+    effort.
     """
     y = helix_law().laws[1]
     free = free_angle(y, pressure_pa)
@@ -119,7 +120,7 @@ def linear_law(pressure_pa: float = PRESSURE_PA, cells: int = 1) -> AxesLaw:
 
 
 def free_angle(law: PolynomialLaw, pressure_pa: float) -> float:
-    """Where a one-axis law has no effort, by Newton's method from the straight module."""
+    """Return the angle at which a one-axis law has no effort, by Newton's method from the straight module."""
     u = 0.0
     for _ in range(50):
         effort = law.evaluate(np.array([pressure_pa]), np.array([[u]]))
@@ -130,7 +131,7 @@ def free_angle(law: PolynomialLaw, pressure_pa: float) -> float:
 def helix(
     law: JointLaw | None = None, specs: Sequence[SegmentSpec] = SEGMENTS, end_cylinder: bool = True
 ) -> ChainModel:
-    """The chain. Its axis leaves the base 28° below world +x; positive pressure bends the first segment upward."""
+    """Build the chain. Its axis leaves the base 28° below world +x; positive pressure bends its start upward."""
     segments = _segments(law or helix_law(), specs)
     if end_cylinder:
         segments.append(Segment(rigid_rod(END_LENGTH_M, END_MASS_KG, END_RADIUS_M)))
@@ -145,21 +146,21 @@ def _segments(law: JointLaw, specs: Sequence[SegmentSpec]) -> list[Segment]:
 
 
 def cut(cells: int, specs: Sequence[SegmentSpec] = SEGMENTS) -> tuple[SegmentSpec, ...]:
-    """Segments with every module cut in equal parts, for `linear_law(cells=cells)`."""
+    """Return segments with every module divided into equal parts, for `linear_law(cells=cells)`."""
     return tuple(
         s._replace(modules=s.modules * cells, length_m=s.length_m / cells, mass_kg=s.mass_kg / cells)
         for s in specs
     )
 
 
-def of_size(modules: int) -> tuple[SegmentSpec, ...]:
-    """Segments as equal as possible with this many modules of the study's sizes in all."""
+def sized_segments(modules: int) -> tuple[SegmentSpec, ...]:
+    """Return segments as equal as possible with this total number of modules of the study's sizes."""
     counts = [modules // 4 + (1 if k >= 4 - modules % 4 else 0) for k in range(4)]
     return tuple(s._replace(modules=count) for s, count in zip(SEGMENTS, counts, strict=True))
 
 
 def inputs(load_kg: float, pressure_pa: float = PRESSURE_PA) -> Inputs:
-    """Pressure, and the weight of a tip load as a force."""
+    """Return pressure, and the weight of a tip load as a force."""
     return Inputs({"pressure_pa": pressure_pa}, tip_force_n=np.array([0.0, 0.0, -load_kg * G_M_S2]))
 
 
@@ -178,7 +179,7 @@ class UnmappedLaw(JointLaw):
         self.actuation_name = inner.actuation_name
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """Effort and exact slopes; ∂τ'/∂u is not symmetric."""
+        """Return effort and exact slopes; ∂τ'/∂u is not symmetric."""
         effort = self.inner.evaluate(actuation, deformation)
         side = 1.0 if self.frame == "parent" else -1.0
         transposed = left_jacobian(side * np.asarray(deformation, float)).transpose(0, 2, 1)
@@ -196,20 +197,20 @@ class UnmappedLaw(JointLaw):
 
 @dataclass(frozen=True, eq=False)
 class Ended:
-    """Where a run ended, and the CPU time that it took."""
+    """The final state of a run, and its CPU time."""
 
     angles_rad: Array
     markers_m: Array
     cpu_s: float
 
 
-def efforts_of(law: JointLaw) -> Callable[[float, Array], Array]:
-    """τ (n, 3) at a pressure and joint angles (n, 3), all joints in one call."""
+def law_efforts(law: JointLaw) -> Callable[[float, Array], Array]:
+    """Return τ (n, 3) at a pressure and joint angles (n, 3), all joints in one call."""
     return lambda pressure_pa, angles: law.evaluate(np.full(len(angles), pressure_pa), angles).tau
 
 
 def run_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:
-    """1 s of pressure ramp, then hold, from the straight chain, step by step; building is not counted."""
+    """Run 1 s of pressure ramp, then a hold, from the straight chain, step by step; build time is excluded."""
     with backend.build(chain) as simulation:
         start = time.process_time()
         for k in range(round(DURATION_S / step_s)):
@@ -221,11 +222,11 @@ def run_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step
 
 
 def roll_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:
-    """The same in one call of the engine, which may stay in compiled code; here building the model is counted."""
+    """Run the history in one call of the engine, in compiled code if possible; the time includes building the model."""
     time_s: Array = step_s * np.arange(round(DURATION_S / step_s) + 1.0)
     still = inputs(load_kg)
     pressure = PRESSURE_PA * np.minimum(time_s / RAMP_S, 1.0)
-    history = History.of({"pressure_pa": pressure}, time_s, tip_force_n=still.tip_force_n)
+    history = History.from_arrays({"pressure_pa": pressure}, time_s, tip_force_n=still.tip_force_n)
     start = time.process_time()
     (rollout,) = backend.rollout_batch((Run(chain, history),))
     cpu_s = time.process_time() - start
@@ -233,13 +234,13 @@ def roll_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, ste
 
 
 def residual_n_m(chain: ChainModel, angles_rad: Array, load_kg: float) -> float:
-    """Largest unbalanced effort of a state by the common statics, N·m."""
-    loads = Loads.of(chain, inputs(load_kg))
+    """Return largest unbalanced effort of a state by the common statics, N·m."""
+    loads = Loads.from_inputs(chain, inputs(load_kg))
     return float(np.abs(ChainStatics(chain).residual(angles_rad, loads)).max())
 
 
 def random_cases(count: int, seed: int = 0, modules: tuple[int, int] = (6, 60)) -> list[Case]:
-    """Designs that differ in everything: number of modules, 1 to 6 segments, pose, law, pressure, tip load."""
+    """Draw random designs: number of modules, 1 to 6 segments, pose, law, pressure, tip load."""
     random = np.random.default_rng(seed)
     base = helix_law().laws[1]
     return [_case(random, base, modules) for _ in range(count)]
@@ -268,7 +269,7 @@ def _specs(random: np.random.Generator, modules: int, segments: int) -> list[Seg
 
 
 def _law(random: np.random.Generator, base: PolynomialLaw) -> AxesLaw:
-    """The helix's laws, each axis between half and twice as stiff; y's push varies by a third."""
+    """Return the helix's laws, each axis between half and twice as stiff; y's push varies by a third."""
     stiff = np.exp(random.uniform(-math.log(2), math.log(2), 3))
     table = base.coefficients * stiff[1]
     table[1, 0] *= random.uniform(0.7, 1.3)

@@ -1,13 +1,13 @@
 """The published formulation as a bare PyBullet script, without any of Pliant's engine code: the baseline.
 
 Spherical joints with friction motors, steps of 1/2400 s, and at every step a law evaluated for each joint and
-axis, whose efforts, component by component, are handed over as torques. What this script does per step is what
-any script of that kind must do; it holds no check, no record and no conversion that could be left out.
+axis, whose efforts, component by component, are applied as torques. Per step this script does only the necessary work
+of such a script, without checks, records or avoidable conversions.
 
 Its laws are per-axis networks of the study's size (2-64-64-1, ReLU, single precision), evaluated one sample at a
 time. The study trained them on FEM data. Here the hidden layers are random and the output layer is the least-squares
-fit to the true law on a grid, which takes a second instead of minutes: an evaluation costs what the study's
-costs, and the chain moves alike; `fit_errors` says how well they fit.
+fit to the true law on a grid, which takes a second instead of minutes: an evaluation costs as much as the study's, and
+the chain moves similarly; `fit_errors` returns the quality of the fit.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Efforts = Callable[[float, Array], Array]
 def run(
     chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float = MOTOR_N_M, step_s: float = STEP_S
 ) -> Ended:
-    """1 s of pressure ramp and 1 s of hold from the straight chain.
+    """Run 1 s of pressure ramp and 1 s of hold from the straight chain.
 
     Raises:
         MissingDependencyError: PyBullet is not installed.
@@ -79,7 +79,7 @@ def _run(
 
 
 def rotation_vectors(quaternions: Array) -> Array:
-    """(n, 3) of Bullet's quaternions x, y, z, w (n, 4)."""
+    """Return (n, 3) of Bullet's quaternions x, y, z, w (n, 4)."""
     q = np.where(quaternions[:, 3:] < 0, -quaternions, quaternions)
     sine = np.sqrt((q[:, :3] ** 2).sum(axis=1))
     angle = 2 * np.arctan2(sine, q[:, 3])
@@ -87,7 +87,7 @@ def rotation_vectors(quaternions: Array) -> Array:
 
 
 def bullet_body(bullet: Client, chain: ChainModel) -> int:
-    """The chain on a fixed base, without limits of velocity."""
+    """Return the chain on a fixed base, without limits of velocity."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "helix.urdf"
         body = bullet.load(path, _urdf(chain), chain.base_position_m, chain.base_rotation, fixed=True)
@@ -96,7 +96,7 @@ def bullet_body(bullet: Client, chain: ChainModel) -> int:
 
 
 def _urdf(chain: ChainModel) -> str:
-    """Links of cylinders about x: their inertia is diagonal in their own frame."""
+    """Return links of cylinders about x: their inertia is diagonal in their own frame."""
     none = '<inertial><mass value="0"/>' + _inertia((0.0, 0.0, 0.0)) + "</inertial>"
     parts = [f'<robot name="helix"><link name="link_0">{none}</link>']
     for k, (joint, body) in enumerate(zip(chain.joints, chain.bodies[1:], strict=True), start=1):
@@ -131,7 +131,7 @@ class Network:
     weights: tuple[Single, Single, Single, Single, Single, Single]
 
     def value(self, pressure_pa: float, angle_rad: float) -> float:
-        """τ of one sample, N·m."""
+        """Return τ of one sample, N·m."""
         w1, b1, w2, b2, w3, b3 = self.weights
         x = np.array([pressure_pa / PRESSURE_PA, angle_rad], np.float32)
         hidden = np.maximum(x @ w1 + b1, 0)
@@ -139,7 +139,7 @@ class Network:
         return float((hidden @ w3 + b3)[0])
 
     def slopes(self, pressure_pa: float, angle_rad: float) -> Array:
-        """(∂τ/∂p, ∂τ/∂u) of one sample."""
+        """Return (∂τ/∂p, ∂τ/∂u) of one sample."""
         w1, b1, w2, b2, w3, _ = self.weights
         first = np.array([pressure_pa / PRESSURE_PA, angle_rad], np.float32) @ w1 + b1
         second = np.maximum(first, 0) @ w2 + b2
@@ -158,15 +158,15 @@ class NetworkLaw(JointLaw):
     actuation_name: str = "pressure_pa"
 
     def efforts(self, pressure_pa: float, angles_rad: Array) -> Array:
-        """τ (n, 3) of n joints, as the study has them: one call per joint and axis, no slopes."""
+        """Return τ (n, 3) of n joints as in the study: one call per joint and axis, no slopes."""
         return np.array([self.effort(pressure_pa, u) for u in angles_rad])
 
     def effort(self, pressure_pa: float, angles_rad: Array) -> list[float]:
-        """τ (3,) of one joint."""
+        """Return τ (3,) of one joint."""
         return [net.value(pressure_pa, u) for net, u in zip(self.networks, angles_rad, strict=True)]
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ and slopes, joint by joint and axis by axis."""
+        """Return τ and slopes, joint by joint and axis by axis."""
         n = len(deformation)
         tau, dtau_dp, dtau_du = np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 3, 3))
         for i in range(n):
@@ -176,7 +176,7 @@ class NetworkLaw(JointLaw):
         return Effort(tau, dtau_dp, dtau_du)
 
     def record(self) -> LawRecord:
-        """The network's weights as JSON values."""
+        """Return the network's weights as JSON values."""
         arrays = {
             f"{axis}_{k}": np.asarray(weight, float)
             for axis, net in zip(self.axes, self.networks, strict=True)
@@ -186,14 +186,14 @@ class NetworkLaw(JointLaw):
 
 
 def network_law(law: AxesLaw, seed: int = 0) -> NetworkLaw:
-    """Networks for the three axes of a law."""
+    """Return networks for the three axes of a law."""
     random = np.random.default_rng(seed)
     nets = [_fitted(law, axis, random) for axis in range(3)]
     return NetworkLaw((nets[0], nets[1], nets[2]), law.domain)
 
 
 def fit_errors(law: AxesLaw, networks: NetworkLaw) -> dict[str, float]:
-    """RMS error over the range of the effort, per axis, on random samples that were not fitted."""
+    """Return RMS error over the range of the effort, per axis, on random samples that were not fitted."""
     random = np.random.default_rng(1)
     p, u = PRESSURE_PA * random.random(500), random.uniform(*ANGLES_RAD, 500)
     errors = {}
@@ -205,7 +205,7 @@ def fit_errors(law: AxesLaw, networks: NetworkLaw) -> dict[str, float]:
 
 
 def _fitted(law: AxesLaw, axis: int, random: np.random.Generator) -> Network:
-    """Random hidden layers, output layer by ridge regression on a grid."""
+    """Fit random hidden layers, with the output layer by ridge regression on a grid."""
     grid = np.meshgrid(np.linspace(0, PRESSURE_PA, 31), np.linspace(*ANGLES_RAD, 121))
     p, u = (values.ravel() for values in grid)
     target = law.laws[axis].evaluate(p, u[:, None]).tau[:, 0]

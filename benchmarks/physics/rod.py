@@ -1,4 +1,4 @@
-"""The chain against a Cosserat rod: the linear-law helix, and what a wrong torque frame would cost.
+"""The chain against a Cosserat rod: the linear-law helix, and the error of a wrong torque frame.
 
     python -m benchmarks.physics.rod      prints, and writes benchmarks/out/physics_rod.json
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.output import Bar, engine, settle, write
-from benchmarks.physics.helix import PRESSURE_PA, helix, helix_law, inputs, of_size, random_cases
+from benchmarks.physics.helix import PRESSURE_PA, helix, helix_law, inputs, random_cases, sized_segments
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import PhysicsBackend, Run
@@ -28,17 +28,17 @@ from pliant.records.history import History
 MODULES = (8, 16, 32, 64, 128, 256)
 BATCHES = (1, 2, 8, 32, 128, 512)
 HISTORIES, LAWS, STATES = (4, 32), (4, 32), 20_000
-# An engine that took longer than this on a chain is not asked for the next, longer one.
+# An engine that took longer than this on a chain is not run on the next, longer one.
 PATIENCE_S = 2.0
 
 
 def modules() -> list[dict[str, Any]]:
-    """Time to the settled state per engine and size, with the residual reached, or why there is none."""
+    """Return the time to the settled state per engine and size with the residual, or the reason of a failure."""
     engines = {kind: engine(kind) for kind in ("quasistatic", "mujoco", "pybullet")}
     law, rows, given_up = helix_law(), list[dict[str, Any]](), set[str]()
     print(f"{'modules':>7}  " + "".join(f"{kind:>34}" for kind in engines))
     for count in MODULES:
-        chain, cells = helix(law, of_size(count)), []
+        chain, cells = helix(law, sized_segments(count)), []
         for kind, backend in engines.items():
             found = {"skipped": "not asked, slow before"} if kind in given_up else _settled(backend, chain)
             rows.append({"modules": count, "engine": kind, **found})
@@ -69,7 +69,7 @@ def _settled(backend: PhysicsBackend, chain: ChainModel) -> dict[str, Any]:
 
 
 def designs() -> list[dict[str, Any]]:
-    """Designs per second of `settle_batch`, models built included."""
+    """Return designs per second of `settle_batch`, models built included."""
     backend = engine("quasistatic")
     cases = random_cases(max(BATCHES), seed=1, modules=(18, 26))
     backend.settle_batch(cases[:2])
@@ -78,18 +78,18 @@ def designs() -> list[dict[str, Any]]:
 
 
 def rollouts() -> list[dict[str, Any]]:
-    """Histories of 1 s per second of MuJoCo's `rollout_batch`, of one helix under pressures of its own each."""
-    backend, chain = engine("mujoco"), helix(helix_law(), of_size(8))
+    """Return the number of 1 s histories per second of MuJoCo's `rollout_batch`, a helix with varied pressures."""
+    backend, chain = engine("mujoco"), helix(helix_law(), sized_segments(8))
     time_s = np.linspace(0.0, 1.0, 21)
     tops = PRESSURE_PA * np.linspace(0.2, 1.0, max(HISTORIES))
-    runs = [Run(chain, History.of({"pressure_pa": top * time_s}, time_s)) for top in tops]
+    runs = [Run(chain, History.from_arrays({"pressure_pa": top * time_s}, time_s)) for top in tops]
     backend.rollout_batch(runs[:2])
     print("histories of 1 s of a helix of 8 modules, rolled out, per second")
     return [_on_cores("rollouts", n, partial(backend.rollout_batch, runs[:n])) for n in HISTORIES]
 
 
 def laws() -> list[dict[str, Any]]:
-    """Laws per second, each evaluated at `STATES` states, in a thread a core as who calls them would do it."""
+    """Return laws per second, each evaluated at `STATES` states, in a thread per core."""
     random = np.random.default_rng(0)
     actuation, turns = PRESSURE_PA * random.random(STATES), random.uniform(-0.3, 0.3, (STATES, 3))
     each = [case.chain.laws[0] for case in random_cases(max(LAWS), seed=2, modules=(6, 6))]
@@ -104,7 +104,7 @@ def laws() -> list[dict[str, Any]]:
 
 
 def _on_cores(what: str, count: int, work: Callable[[], Any]) -> dict[str, Any]:
-    """Rates on one core and on all, the best of five each, and the cores that it got: other programs use them, too."""
+    """Return rates on one core and on all, the best of five each, and the cores used besides other programs."""
     cores, before = os.cpu_count() or 1, os.sched_getaffinity(0)
     rates, got = {}, {}
     for threads in (1, cores):

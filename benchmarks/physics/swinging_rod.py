@@ -46,7 +46,7 @@ def swing(
     record_s: float,
     drag_1_s: float = 0.0,
 ) -> Swing:
-    """From rest at the natural curvature `before_1_m`, which is `after_1_m` from then on.
+    """Simulate from rest at the natural curvature `before_1_m`, which is `after_1_m` from then on.
 
     `drag_1_s` takes exp(−drag · time) of every velocity.
     """
@@ -76,7 +76,7 @@ def swing(
 
 
 def _rod(rod: SlenderRod) -> Any:
-    """Straight along x; elements of half a cell, whole cells, half a cell."""
+    """Build a straight rod along x; elements of half a cell, whole cells, half a cell."""
     cell = rod.length_m / rod.bends
     elements = np.array([cell / 2, *[cell] * (rod.bends - 1), cell / 2])
     nodes, along = np.concatenate([[0.0], np.cumsum(elements)]), np.array([1.0, 0.0, 0.0])
@@ -99,7 +99,7 @@ def _rod(rod: SlenderRod) -> Any:
     for k in range(len(elements)):
         made.shear_matrix[..., k] = AXIAL_N * np.eye(3)
     for k in range(rod.bends):
-        share = made.rest_voronoi_lengths[k] / cell  # a bend stands for its whole cell
+        share = made.rest_voronoi_lengths[k] / cell  # a bend represents its whole cell
         made.bend_matrix[..., k] = rod.flexural_n_m2 * share * np.eye(3)
     return made
 
@@ -115,6 +115,6 @@ def _bend(made: Any, curvature_1_m: float, rod: SlenderRod) -> None:
 
 
 def _turn(made: Any) -> float:
-    """Of the last element, rad."""
+    """Return the turn of the last element, rad."""
     tangent = made.director_collection[2, :, -1]
     return float(math.atan2(-tangent[2], tangent[0]))

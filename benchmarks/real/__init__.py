@@ -1,1 +1,1 @@
-"""Measured hardware: what the evidence loop makes of recordings that nobody simulated."""
+"""The evidence loop on recordings of measured hardware."""

@@ -51,7 +51,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """What inputs and readings are standardised by: the training runs' mean and standard deviation."""
+    """Scales of inputs and readings: the training runs' mean and standard deviation."""
 
     input_mean: Array
     input_sd: Array
@@ -66,7 +66,7 @@ Predictor = Callable[[Series], Array]
 Fit = Callable[[Sequence[Series], int | None], Predictor]
 
 
-def columns_of(run: Any) -> Array:
+def driving_columns(run: Any) -> Array:
     """Return (t, m) all that drives a run: its inputs, the payload, whether it is still held."""
     history = run.history
     signals = [*history.actuation.values()]
@@ -78,9 +78,9 @@ def columns_of(run: Any) -> Array:
     return np.stack([*signals, payload * free, free], axis=1)
 
 
-def scales_of(measurement: Measurement, outputs: Sequence[str]) -> Scales:
+def training_scales(measurement: Measurement, outputs: Sequence[str]) -> Scales:
     """Return the scales of the training runs; a column that never changes is left at zero."""
-    inputs = np.concatenate([columns_of(run) for run in measurement.runs])
+    inputs = np.concatenate([driving_columns(run) for run in measurement.runs])
     read = np.concatenate([_readings(run, outputs, measurement) for run in measurement.runs])
     return Scales(
         inputs.mean(axis=0),
@@ -94,7 +94,7 @@ def scales_of(measurement: Measurement, outputs: Sequence[str]) -> Scales:
 
 
 def _readings(run: Any, outputs: Sequence[str], measurement: Measurement) -> Array:
-    """Return (t, k) readings, those with a zero of their own counted from the run's first one."""
+    """Return readings (t, k), those with a free zero per run relative to the run's first one."""
     read = np.stack([run.outputs[name] for name in outputs], axis=1)
     for k, name in enumerate(outputs):
         there = np.flatnonzero(np.isfinite(read[:, k]))
@@ -103,7 +103,7 @@ def _readings(run: Any, outputs: Sequence[str], measurement: Measurement) -> Arr
     return read
 
 
-def series_of(measurement: Measurement, scales: Scales) -> list[Series]:
+def standardised_series(measurement: Measurement, scales: Scales) -> list[Series]:
     """Return the runs, standardised; runs without a reading of these outputs are left out."""
     found = []
     for run in measurement.runs:
@@ -116,7 +116,7 @@ def series_of(measurement: Measurement, scales: Scales) -> list[Series]:
         place = np.clip((np.arange(n) - there[0]) / max(there[-1] - there[0] + 1, 1), 0.0, 1.0 - 1e-9)
         fold = (place * FOLDS * ROUNDS).astype(int) % FOLDS
         found.append(
-            Series(run.name, time, (columns_of(run) - scales.input_mean) / scales.input_sd, read, fold)
+            Series(run.name, time, (driving_columns(run) - scales.input_mean) / scales.input_sd, read, fold)
         )
     if len(found) < ENOUGH_RUNS:
         return found
@@ -176,12 +176,12 @@ def polynomial(degree: int) -> Fit:
 
 
 def lag(time_s: float, degree: int) -> Fit:
-    """Return the fit of a polynomial of the lagged inputs beside the inputs of the moment."""
+    """Return the fit of a polynomial of the lagged inputs and of the instantaneous inputs."""
     return _static(lambda series: np.hstack([series.inputs, powers(lagged(series, time_s), degree)]))
 
 
 def arx(order: int, strength: float) -> Fit:
-    """Return the fit of an ARX model of so many past readings and inputs."""
+    """Return the fit of an ARX model with `order` past readings and inputs."""
 
     def rows(series: Series, outputs: Array) -> Array:
         n = len(outputs)

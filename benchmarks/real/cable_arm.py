@@ -2,20 +2,20 @@
 
 python -m benchmarks.real.cable_arm     prints, and writes benchmarks/out/cable_arm.json
 
-Stated: a rest length of 90 mm (the tip's first reading), motor commands in steps. What a step pulls in is not stated
-(0.1 mm is taken; it scales the gain alone), nor how the camera is turned about the arm. Each row is a state of its own.
-The law is plain: four ball joints bend by g Σ dₖ eₖ of the travels. On the second day the same inputs end elsewhere by
-5 mm (root mean square): what no model of the inputs can beat.
+Stated: a rest length of 90 mm (the tip's first reading), motor commands in steps. Neither the cable travel per step
+(0.1 mm is assumed; it scales only the gain) nor the camera's rotation about the arm is stated. Each row is a separate
+state. The law is simple: four ball joints bend by g Σ dₖ eₖ of the travels. On the second day the tip differs by 5 mm
+(root mean square) for the same inputs, a lower bound of the error of any model of the inputs.
 """
 
 from __future__ import annotations
 
-from benchmarks.real.five import main_of_bench
+from benchmarks.real.five import run_bench_script
 from benchmarks.real.measured_bench import MeasuredBench, bend_gain
 
 from pliant.records.measurement import Measurement
 
-STIFFNESS_N_M = 0.4  # of a joint: without loads it scales nothing
+STIFFNESS_N_M = 0.4  # of a joint: without loads it has no influence
 CHAIN = """
 pliant: 1
 name: cable-arm
@@ -60,4 +60,4 @@ BENCH = MeasuredBench(
 )
 
 if __name__ == "__main__":
-    main_of_bench(BENCH, __doc__)
+    run_bench_script(BENCH, __doc__)

@@ -1,17 +1,17 @@
-"""Coiled tubes that shorten under pressure with a dead weight: two specimens, five loads, a zero for each run.
+"""Coiled tubes that shorten under pressure with a dead weight: two specimens, five loads, a separate zero per run.
 
 python -m benchmarks.real.coiled_muscle     prints, and writes benchmarks/out/coiled_muscle.json
 
-One prismatic joint that hangs. File names say specimen and weight; the laser's zero is another one in each run. Stated
-are the lengths under load, which give the stiffness (specimen 1 and 3 have 148 and 105 N/m between 100 and 500 g;
-their mean stands in the law); the force per pressure follows from the training runs, by a straight line of the
-displacement within each run.
+One hanging prismatic joint. File names contain specimen and weight; the laser's zero differs between runs. Stated are
+the lengths under load, which give the stiffness (specimen 1 and 3 have 148 and 105 N/m between 100 and 500 g; the law
+has their mean); the force per pressure follows from the training runs, by a straight line of the displacement within
+each run.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from benchmarks.real.five import main_of_bench
+from benchmarks.real.five import run_bench_script
 from benchmarks.real.measured_bench import MeasuredBench
 
 from pliant.records.measurement import Measurement
@@ -64,4 +64,4 @@ def fit(bench: MeasuredBench, measurement: Measurement) -> dict[str, float]:
 BENCH = MeasuredBench("coiled_muscle", CHAIN, NOTES, fit, inputs=("pressure_pa",))
 
 if __name__ == "__main__":
-    main_of_bench(BENCH, __doc__)
+    run_bench_script(BENCH, __doc__)

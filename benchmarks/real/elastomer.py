@@ -1,11 +1,11 @@
-"""Strips of VHB 4910, pulled and held: relaxation, rate dependence and softening are known to be there.
+"""Strips of VHB 4910 under prescribed elongation: relaxation, rate dependence and softening are known to occur.
 
 python -m benchmarks.real.elastomer [--page]    prints, and writes benchmarks/out/elastomer.json
 
-A strip is one prismatic joint that the tester holds (`held_elongation_strain`) and whose pull is read
-(`blocked_force_n`, below zero; the source states no unit of stress). The model as it is knows the relaxed rubber alone:
-a neo-Hookean law σ = μ (λ − 1/λ²) through the last 50 s of the training holds, as a table. Tests that nothing is
-fitted to were drawn from the names (`held_out.py`) before anybody had plotted a curve. Every strip is taken as a new
+A strip is one prismatic joint whose elongation is prescribed (`held_elongation_strain`) and whose force is read
+(`blocked_force_n`, below zero; the source states no unit of stress). The initial model contains only the relaxed
+rubber: a neo-Hookean law σ = μ (λ − 1/λ²) fitted to the last 50 s of the training relaxation tests, as a table.
+Held-out tests were drawn from the names (`held_out.py`) before any curve was plotted. Every strip is treated as a new
 specimen.
 """
 
@@ -23,11 +23,11 @@ from benchmarks.real.recordings import (
     Row,
     finish,
     first_sentence,
-    main_of,
     publish,
+    read_runs,
     residuals,
     rms,
-    runs_of,
+    run_script,
     table,
     write_rows,
 )
@@ -42,8 +42,8 @@ FILE = "elastomer_strip.csv"
 GROUPS = ("cycle_0d01", "cycle_0d03", "relax")
 FORCE = "blocked_force_n"
 LENGTH_M = 0.08
-AT_END_S = 350.0  # of the holds: relaxed as far as they go
-SAMPLES = 45  # of a test, evenly but for the holds, whose first part is dense
+AT_END_S = 350.0  # of the relaxation tests: fully relaxed within the recording
+SAMPLES = 45  # of a test, evenly except in relaxation tests, whose first part is dense
 # Effects that a passive strip can have; its supply, base and sensor are not in question.
 KINDS = (
     *("viscoelastic", "viscous_damping", "friction_hysteresis", "mullins", "permanent_set", "stiffness"),
@@ -62,18 +62,18 @@ measurements: {file: seen.csv, sigma: {blocked_force_n: SIGMA}}
 
 
 def main() -> None:
-    main_of([FILE], __doc__, bench)
+    run_script([FILE], __doc__, bench)
 
 
 def bench(folder: Path, page: bool) -> None:
     """Diagnose and improve on the training tests, score on the others."""
-    tests = {name: thinned(rows) for name, rows in runs_of([FILE], "test").items()}
+    tests = {name: thinned(rows) for name, rows in read_runs([FILE], "test").items()}
     unseen = held_out([[name for name in tests if name.startswith(group)] for group in GROUPS], (1, 1, 1))
     seen = [name for name in tests if name not in unseen]
-    modulus, scatter = relaxed_modulus(tests, seen), scatter_of(tests)
+    modulus, scatter = relaxed_modulus(tests, seen), specimen_scatter(tests)
     write_rows(folder / "law.csv", law_rows(modulus))
     for name, chosen in (("seen.csv", seen), ("unseen.csv", unseen)):
-        write_rows(folder / name, [row for test in chosen for row in rows_of(test, tests[test])])
+        write_rows(folder / name, [row for test in chosen for row in recording_rows(test, tests[test])])
     path = folder / "strip.yaml"
     path.write_text(STUDY.replace("SIGMA", f"{scatter:.3g}"))
     study = pliant.open(path, store=folder / "store")
@@ -121,7 +121,7 @@ def bench(folder: Path, page: bool) -> None:
 
 
 def thinned(rows: Sequence[Row]) -> dict[str, Array]:
-    """time_s, stretch, stress (n,) of a test; of a hold the first samples and then fewer."""
+    """Return time_s, stretch, stress (n,) of a test, downsampled; of a hold the first samples, then fewer."""
     columns = {key: np.array([float(row[key]) for row in rows]) for key in ("time_s", "stretch", "stress")}
     n = len(rows)
     at = np.arange(n) if n <= SAMPLES else np.linspace(0, n - 1, SAMPLES).round().astype(int)
@@ -131,7 +131,7 @@ def thinned(rows: Sequence[Row]) -> dict[str, Array]:
 
 
 def relaxed_modulus(tests: Mapping[str, Mapping[str, Array]], seen: Sequence[str]) -> float:
-    """μ of σ = μ (λ − 1/λ²) by least squares at the ends of the training holds."""
+    """Fit μ of σ = μ (λ − 1/λ²) by least squares at the ends of the training relaxation tests."""
     ends = [tests[name] for name in seen if name.startswith("relax")]
     late = [(t["stretch"][t["time_s"] > AT_END_S], t["stress"][t["time_s"] > AT_END_S]) for t in ends]
     form = np.array([np.mean(stretch - stretch**-2) for stretch, _ in late])
@@ -139,8 +139,8 @@ def relaxed_modulus(tests: Mapping[str, Mapping[str, Array]], seen: Sequence[str
     return float(form @ stress / (form @ form))
 
 
-def scatter_of(tests: Mapping[str, Mapping[str, Array]]) -> float:
-    """Standard deviation of strips that were pulled alike, over the part that they share."""
+def specimen_scatter(tests: Mapping[str, Mapping[str, Array]]) -> float:
+    """Return the standard deviation of strips with the same test, over their common part."""
     top = min(float(tests[name]["stretch"].max()) for name in TWINS)
     grid = np.linspace(1.1, top - 0.1, 30)
     pulls = []
@@ -151,7 +151,7 @@ def scatter_of(tests: Mapping[str, Mapping[str, Array]]) -> float:
 
 
 def law_rows(modulus: float) -> list[dict[str, float]]:
-    """The relaxed law as a table; the chain has an input that stays at 0, which pulls it as it is."""
+    """Return the relaxed law as a table; the chain has an input, a force that stays at 0."""
     stretches = np.concatenate([np.linspace(0.7, 2.0, 27), np.linspace(2.1, LARGEST, 40)])
     pulls = {
         (force, stretch): force - modulus * (stretch - stretch**-2)
@@ -164,8 +164,8 @@ def law_rows(modulus: float) -> list[dict[str, float]]:
     ]
 
 
-def rows_of(name: str, test: Mapping[str, Array]) -> list[dict[str, Any]]:
-    """A test as Pliant reads it: a strip of its own, its pull below zero."""
+def recording_rows(name: str, test: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """Return the rows of a test in Pliant's format: a separate specimen, its force below zero."""
     return [
         {"run": name, "specimen": name, "time_s": t, "held_elongation_strain": stretch - 1, FORCE: -stress}
         for t, stretch, stress in zip(*(test[key] for key in ("time_s", "stretch", "stress")), strict=True)
@@ -175,7 +175,7 @@ def rows_of(name: str, test: Mapping[str, Array]) -> list[dict[str, Any]]:
 def table_rows(
     errors: Mapping[str, Mapping[str, Array]], seen: Sequence[str], unseen: Sequence[str]
 ) -> list[list[str]]:
-    """Model, rms error over the training tests, and of each test that was kept apart."""
+    """Return model, rms error over the training tests, and that of each held-out test."""
     rows = []
     for name, of in errors.items():
         whole = rms(np.concatenate([of[test] for test in seen]))
@@ -185,7 +185,7 @@ def table_rows(
 
 
 def page_lines(rows: list[list[str]], found: Any, values: Mapping[str, float], scatter: float) -> list[str]:
-    """The section's table and verdicts."""
+    """Return the section's table and verdicts."""
     apart = held_words(rows)
     told = ", ".join(f"`{name}` {value:.3g}" for name, value in values.items())
     causes = ", ".join(f"{step.named} ({step.cause})" for step in found.steps[1:])
@@ -203,7 +203,7 @@ def page_lines(rows: list[list[str]], found: Any, values: Mapping[str, float], s
 
 
 def held_words(rows: list[list[str]]) -> list[str]:
-    """Heads of the tests that were kept apart."""
+    """Return heads of the held-out tests."""
     names = held_out([NAMES[group] for group in GROUPS], (1, 1, 1))
     assert len(rows[0]) == len(names) + 3
     return [f"`{name}`" for name in names]
@@ -218,7 +218,7 @@ def draw(
     errors: Mapping[str, Mapping[str, Array]],
     unseen: Sequence[str],
 ) -> None:
-    """The tests that were kept apart: stress over stretch or time, by the first and the last model."""
+    """Draw the held-out tests: stress over stretch or time, by the first and the last model."""
     figure, panels = plt.subplots(1, len(unseen), figsize=(11, 3.6))
     first, *_, last = errors
     for panel, name in zip(panels, unseen, strict=True):

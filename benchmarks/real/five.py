@@ -1,4 +1,4 @@
-"""The five benches together: their names, and what is printed of each.
+"""The five benches together: their names, and the printed figures of each.
 
 python -m benchmarks.real.five [BENCH …] [--improve] [--page]     prints, and writes benchmarks/out/<bench>.json
 
@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import parser_of, write
+from benchmarks.output import make_parser, write
 from benchmarks.real import baselines
-from benchmarks.real.measured_bench import MeasuredBench, in_the_world, predictor_of
+from benchmarks.real.measured_bench import MeasuredBench, in_the_world, study_predictor
 from benchmarks.real.recordings import publish, table
 from benchmarks.real.splits import Part
 
@@ -27,7 +27,7 @@ from pliant.evidence.alignment import Alignment, components
 from pliant.records.measurement import Measurement
 
 BENCHES = ("soft_arm", "three_bellow_link", "coiled_muscle", "cable_arm", "silicone_beam")
-# What is printed in another unit: factor and unit by the ending of an output's name.
+# Units of printed values: factor and unit by the ending of an output's name.
 SHOWN = {"_1_per_m": (1.0, "1/m"), "_m": (1e3, "mm"), "_rad": (180.0 / np.pi, "°")}
 
 
@@ -38,16 +38,16 @@ def bench_named(name: str) -> MeasuredBench:
 
 
 def missing(bench: MeasuredBench) -> bool:
-    """Return whether a file of the bench is not here, which is said."""
+    """Return whether a file of the bench is missing, and print it."""
     absent = [path for part in ("train", "judge") for path in bench.files(part) if not path.is_file()]
     if absent:
         print(f"skipped: {absent[0]} is not here")
     return bool(absent)
 
 
-def main_of_bench(bench: MeasuredBench, doc: str | None) -> None:
-    """Run what a bench's script does."""
-    options = parser_of(doc)
+def run_bench_script(bench: MeasuredBench, doc: str | None) -> None:
+    """Run a bench's script."""
+    options = make_parser(doc)
     options.add_argument(
         "--improve", action="store_true", help="improve on the training runs, and judge that too"
     )
@@ -59,7 +59,7 @@ def report(bench: MeasuredBench, improve: bool = False, part: Part = "judge") ->
 
     Args:
         bench: which.
-        improve: also improve on the training runs, and judge the study that comes of it.
+        improve: also improve on the training runs, and score the resulting study.
         part: "train" tries the script out without a look at the runs that judge.
     """
     if missing(bench):
@@ -71,16 +71,19 @@ def report(bench: MeasuredBench, improve: bool = False, part: Part = "judge") ->
         study = bench.study(folder, numbers)
         found = study.compare()
         print(f"== {bench.name}: {numbers}, {time.perf_counter() - started:.0f} s to the comparison\n{found}")
-        turns = predictor_of(study).turns
+        turns = study_predictor(study).turns
         rows = {"stated law": model_errors(bench, folder, study, numbers, part)}
         orders = {"stated law": "fitted to the training runs"}
-        sessions = Alignment.of(training)
+        sessions = Alignment.from_measurement(training)
         training, judged = (in_the_world(one, sessions, turns) for one in (training, judged))
         spread: dict[str, float] = {}
         for outputs in groups(training):
-            scales = baselines.scales_of(training, outputs)
+            scales = baselines.training_scales(training, outputs)
             spread |= dict(zip(outputs, scales.output_sd.tolist(), strict=True))
-            seen, unseen = baselines.series_of(training, scales), baselines.series_of(judged, scales)
+            seen, unseen = (
+                baselines.standardised_series(training, scales),
+                baselines.standardised_series(judged, scales),
+            )
             for chosen in baselines.baselines(seen, scales):
                 rows.setdefault(chosen.name, {}).update(baselines.errors(chosen, unseen, scales))
                 orders[chosen.name] = "; ".join(filter(None, (orders.get(chosen.name, ""), chosen.order)))
@@ -112,7 +115,7 @@ def overall(errors: Mapping[str, float], sizes: Mapping[str, float]) -> float:
 def improved_errors(
     bench: MeasuredBench, folder: Path, study: Any, numbers: Mapping[str, float], part: Part
 ) -> tuple[dict[str, float], dict[str, Any]]:
-    """Return the errors of the study that `improve` makes of the training runs, and what it added, and why."""
+    """Return the errors of the study that `improve` writes from the training runs, its additions and their reasons."""
     started = time.perf_counter()
     found = study.improve().record
     effects = [effect.canonical() for effect in found.steps[-1].effects]
@@ -129,7 +132,7 @@ def improved_errors(
 
 
 def groups(measurement: Measurement) -> list[tuple[str, ...]]:
-    """Return the outputs that are read together, run by run: each group is predicted by models of its own."""
+    """Return the outputs that are read together, run by run: each group is predicted by separate models."""
     found = {
         tuple(name for name in measurement.outputs if np.isfinite(run.outputs[name]).any())
         for run in measurement.runs
@@ -147,7 +150,7 @@ def model_errors(
 ) -> dict[str, float]:
     """Return the root mean square errors of a study of the training runs on the runs that judge, SI."""
     there = bench.judged(folder, study, numbers, part)
-    predictor = predictor_of(there.with_({"effects": list(effects)}) if effects else there)
+    predictor = study_predictor(there.with_({"effects": list(effects)}) if effects else there)
     runs, measured = predictor.predict(), predictor.measurement
     return {
         name: rms(
@@ -210,7 +213,7 @@ def page_lines(figures: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 def main() -> None:
     """Report the benches that are named, or all; publish them."""
-    options = parser_of(__doc__)
+    options = make_parser(__doc__)
     options.add_argument("benches", nargs="*", metavar="BENCH", help=", ".join(BENCHES))
     options.add_argument(
         "--improve", action="store_true", help="improve on the training runs, and judge that too"

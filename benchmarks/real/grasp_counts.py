@@ -1,13 +1,13 @@
-"""The published gripper's measured successes through `pliant compare` and `diagnose`: which number would explain them?
+"""The published gripper's measured successes in `pliant compare` and `diagnose`: which parameter explains them?
 
 python -m benchmarks.real.grasp_counts [--quick] [--picture]
 
 Reads ../shared/data/reference/grasp_experiment.csv, writes it as a file of counts (three sets of ten per condition),
-compares the published simulation and ours with it, then scans effects of the fingers and numbers of the task over
+compares the published simulation and ours with it, then scans effects of the fingers and parameters of the task over
 plausible ranges: few trials, and only the conditions that are near a threshold (in the other four, success or failure
-is certain in every simulation). The best explanation is then judged on all twelve. Every condition at every level is an
-artifact of the store: the scan can be stopped and goes on.
-Prints, and writes benchmarks/out/grasp_counts.json; with --picture also docs/pictures/grasp_counts.png.
+is certain in every simulation). The best explanation is then scored on all twelve. Every condition at every level is an
+artifact of the store: an interrupted scan is continued. Prints, and writes benchmarks/out/grasp_counts.json; with
+--picture also docs/pictures/grasp_counts.png.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.grasp.gripper import STUDY
-from benchmarks.output import REFERENCE, ROOT, parser_of, write
+from benchmarks.output import REFERENCE, ROOT, make_parser, write
 
 from pliant import api
 from pliant.config.measurements import PlausibleRange
@@ -31,7 +31,8 @@ from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts
 from pliant.report.count_answers import counted as of
 from pliant.report.count_hypotheses import level_text
 from pliant.report.counts import interpret_counts
-from pliant.report.figures.success_shares import Series, success_shares
+from pliant.report.still import still
+from pliant.report.success_chart import Series, success_chart
 
 TABLE = REFERENCE / "grasp_experiment.csv"
 SETS = (1, 2, 3)
@@ -43,7 +44,7 @@ PUBLISHED = ("noise={friction: 5 %, pressure: 0.5 kPa, placement: 5 %}", "task.s
 # Stiffness last: a law with a term takes five times as long.
 EFFECTS = ("actuation_gain", "pressure_offset", "stiffness")
 CYLINDER = {"task.object": "cylinder"}
-# Ranges that would surprise nobody who builds such a gripper; the reasons stand in docs/what_real_data_taught_us.md.
+# Plausible ranges for such a gripper; the reasons are in docs/what_real_data_taught_us.md.
 RANGES: tuple[dict[str, Any], ...] = (
     {"key": "task.friction", "low": 0.6, "high": 1.0},
     {"key": "task.friction", "low": 0.6, "high": 1.0, "where": CYLINDER},
@@ -60,11 +61,14 @@ def main() -> None:
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return
-    parser = parser_of(__doc__, "one number at two trials a condition")
+    parser = make_parser(__doc__, "one number at two trials a condition")
     parser.add_argument("--picture", action="store_true", help=f"draw {PICTURE.name} too")
     asked = parser.parse_args()
     quick = asked.quick
-    whole, near = study_of(True, 2 if quick else TRIALS), study_of(False, 2 if quick else SCAN_TRIALS)
+    whole, near = (
+        open_counted_study(True, 2 if quick else TRIALS),
+        open_counted_study(False, 2 if quick else SCAN_TRIALS),
+    )
     theirs = compare_counts(whole[1].counts, published())
     opened, counted = near
     effects = effect_parameters(opened.bench.registry, EFFECTS)
@@ -86,34 +90,34 @@ def main() -> None:
     write("grasp_counts", result(theirs, found, judged, counted))
 
 
-def study_of(certain: bool, trials: int) -> tuple[api.OpenStudy, CountedStudy]:
-    """The published gripper with all measured counts, or those near a threshold only."""
+def open_counted_study(certain: bool, trials: int) -> tuple[api.OpenStudy, CountedStudy]:
+    """Return the published gripper with all measured counts, or those near a threshold only."""
     overrides = [*PUBLISHED, f"measurements={{file: counts.csv, trials: {trials}}}"]
     opened = api.open_study(STUDY, overrides, store=ROOT / ".pliant" / "store")
     with tempfile.TemporaryDirectory() as folder:
         return opened, counted_study(opened.study, write_counts(Path(folder) / "grasp_counts.csv", certain))
 
 
-def best_of(found: CountEvidence) -> tuple[str, ...]:
-    """The most probable explanation that is in the list."""
+def most_probable_kinds(found: CountEvidence) -> tuple[str, ...]:
+    """Return the most probable explanation in the list."""
     return next(kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN))
 
 
 def on_all(whole: tuple[api.OpenStudy, CountedStudy], found: CountEvidence) -> CountEvidence:
-    """The model as it is and the best explanation, at its best level, on all conditions with more trials."""
+    """Evaluate the unchanged model and the best explanation, at its best level, on all conditions with more trials."""
     opened, counted = whole
-    best = best_of(found)
+    best = most_probable_kinds(found)
     row = found.rows[best]
     parameters = [replace(k, levels=(v,)) for k, v in zip(row.parameters, row.grid[row.best], strict=True)]
     return count_evidence(opened.bench, counted, [parameters])
 
 
 def draw(judged: CountEvidence) -> None:
-    """Success by condition: measured, the model as it is, with the best explanation."""
-    best = best_of(judged)
+    """Draw the success by condition: measured, unchanged model, model with the best explanation."""
+    best = most_probable_kinds(judged)
     plain, with_it = judged.comparison.conditions, judged.comparisons[best].conditions
     shown = {"model, published set-up": plain, f"with {level_text(judged.rows[best])}": with_it}
-    png = success_shares(
+    chart = success_chart(
         [one.condition.words for one in plain],
         Series("measured (three sets of ten)", [one.measured for one in plain], [True] * len(plain)),
         [
@@ -121,11 +125,11 @@ def draw(judged: CountEvidence) -> None:
             for label, found in shown.items()
         ],
     )
-    PICTURE.write_bytes(png.tobytes())
+    PICTURE.write_bytes(still(chart).tobytes())
 
 
 def write_counts(path: Path, certain: bool) -> Path:
-    """The reference table as a file of counts, a row for each set of ten; conditions that are certain on request."""
+    """Write the reference table as a file of counts, a row for each set of ten; certain conditions on request."""
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow(["run", "object", "pressure_kpa", "extra_weights", "successes", "trials"])
@@ -137,19 +141,19 @@ def write_counts(path: Path, certain: bool) -> Path:
 
 
 def published() -> list[tuple[int, int]]:
-    """The study's own simulated successes of 30, in the order of the table."""
+    """Return the study's own simulated successes of 30, in the order of the table."""
     return [(sum(int(row[f"paper_sim_g{k}"]) for k in SETS), 30) for row in rows()]
 
 
 def rows() -> list[dict[str, str]]:
-    """Rows of the reference table."""
+    """Return rows of the reference table."""
     with TABLE.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
 def print_conditions(theirs: CountComparison, found: CountEvidence) -> None:
-    """Measured, published and ours, and with the best explanation."""
-    best = best_of(found)
+    """Print measured, published and our results, and those with the best explanation."""
+    best = most_probable_kinds(found)
     ours, moved = found.comparison, found.comparisons[best]
     print(f"\n{'condition':<32}{'measured':>10}{'published':>11}{'ours':>8}{'with ' + best[0]:>34}")
     for a, b, c in zip(theirs.conditions, ours.conditions, moved.conditions, strict=True):
@@ -167,7 +171,7 @@ def print_conditions(theirs: CountComparison, found: CountEvidence) -> None:
 
 
 def print_ranking(found: CountEvidence) -> None:
-    """Every hypothesis with its evidence, its best level and what it leaves."""
+    """Print every hypothesis with its evidence, its best level and its residual."""
     heads = f"{'evidence':>10}{'best at':>16}{'likelihood':>12}{'left over':>11}"
     print(f"\n{'hypothesis':<46}{'probability':>12}{heads}")
     for kinds, probability in found.probability.items():
@@ -190,7 +194,7 @@ def print_ranking(found: CountEvidence) -> None:
 def result(
     theirs: CountComparison, found: CountEvidence, judged: CountEvidence, counted: CountedStudy
 ) -> dict[str, Any]:
-    """Everything as JSON values: simulated counts of every level among them."""
+    """Return all results as JSON values, with simulated counts of every level."""
     return {
         "conditions": [one.condition.words for one in theirs.conditions],
         "measured": [one.measured for one in theirs.conditions],

@@ -1,4 +1,4 @@
-"""Which recordings nothing is fitted to: drawn from their names alone, before anybody had looked at a curve.
+"""Held-out recordings: drawn from their names alone, before any curve was plotted.
 
 The draw was committed before the files were plotted or a model of them was run (see the history of this file).
 """
@@ -13,7 +13,7 @@ SEED = 20261124
 
 
 def held_out(groups: Sequence[Sequence[str]], each: Sequence[int]) -> tuple[str, ...]:
-    """So many names of each group, drawn from the sorted names; the draw depends on names and `SEED` alone."""
+    """Draw `each` names of each group from the sorted names; the draw depends on names and `SEED` alone."""
     rng = np.random.default_rng(SEED)
     drawn = [
         rng.choice(sorted(group), number, replace=False) for group, number in zip(groups, each, strict=True)

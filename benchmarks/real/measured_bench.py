@@ -32,8 +32,8 @@ class MeasuredBench:
 
     Attributes:
         name: of its folder and in `splits.yaml`.
-        chain: the study without its measurements; {gain} and other numbers stand in braces.
-        notes: what its files do not say of themselves, by part where it depends on the files.
+        chain: the study without its measurements; {gain} and other numbers are placeholders in braces.
+        notes: information that its files lack, by part if it depends on the files.
         fit: the numbers of `chain` from the training measurement.
         only: how the names of the files begin that the study is about.
     """
@@ -79,30 +79,32 @@ class MeasuredBench:
         self, folder: Path, study: StudyHandle, numbers: Mapping[str, float], part: Part = "judge"
     ) -> StudyHandle:
         """Return the same model on the runs that judge, in the frame and with the zeros of the training runs."""
-        notes = training_frame(predictor_of(study))
+        notes = training_frame(study_predictor(study))
         path = folder / f"{self.name}_judged.yaml"
         path.write_text(self.text(numbers, part, **_with_zeros(self.said(part), notes)), encoding="utf-8")
         return pliant.open(path, store=folder / "store")
 
 
-def predictor_of(study: StudyHandle) -> Predictor:
+def study_predictor(study: StudyHandle) -> Predictor:
     """Return a study's model, driven by its measured runs."""
-    from pliant.evidence.prediction import measurement_of_study
+    from pliant.evidence.prediction import read_study_measurement
 
     opened = study.opened
-    return Predictor.of_study(opened.bench, opened.study, measurement_of_study(opened.bench, opened.study))
+    return Predictor.from_study(
+        opened.bench, opened.study, read_study_measurement(opened.bench, opened.study)
+    )
 
 
 def training_frame(predictor: Predictor) -> dict[str, Any]:
     """Return the notes that keep the frames and the zeros of all runs that were fitted; of each run they stay free."""
-    from pliant.mechanics.rotations import quaternion_of_matrix
+    from pliant.mechanics.rotations import quaternion_from_matrix
 
     measurement = predictor.measurement
-    alignment, turns = Alignment.of(measurement), predictor.turns
+    alignment, turns = Alignment.from_measurement(measurement), predictor.turns
     kept: dict[str, Any] = {}
     for session, one in zip(alignment.sessions, turns, strict=True):
         if one.positions is not None:
-            kept[session.pattern] = [float(v) for v in quaternion_of_matrix(one.positions)]
+            kept[session.pattern] = [float(v) for v in quaternion_from_matrix(one.positions)]
         elif one.pairs is not None:
             kept[session.pattern] = f"{np.degrees(np.arctan2(one.pairs[0, 1], one.pairs[0, 0])):.9g} deg"
     plain = alignment.applied(predictor.unaligned(), own=False)
@@ -149,7 +151,7 @@ def bend_gain(bench: MeasuredBench, measurement: Measurement, most: float) -> tu
     τ = k p − b u with g = k / b. The frame's turn and the zeros are those that fit best at each gain.
     """
     chain = _chain(bench)
-    alignment = Alignment.of(measurement)
+    alignment = Alignment.from_measurement(measurement)
 
     def miss(gain: float) -> float:
         runs = alignment.applied(_bent(chain, measurement, gain))
@@ -171,7 +173,7 @@ def bend_gain(bench: MeasuredBench, measurement: Measurement, most: float) -> tu
 def _chain(bench: MeasuredBench) -> ChainModel:
     import tempfile
 
-    from pliant.pipeline.study import chain_of_study
+    from pliant.pipeline.study import build_study_chain
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "chain.yaml"
@@ -181,11 +183,11 @@ def _chain(bench: MeasuredBench) -> ChainModel:
             text = text.replace("{" + key + "}", f"{value:g}")
         path.write_text(text, encoding="utf-8")
         opened = pliant.open(path, store=Path(folder) / "store").opened
-        return chain_of_study(opened.bench, opened.study).chain
+        return build_study_chain(opened.bench, opened.study).chain
 
 
 def _bent(chain: ChainModel, measurement: Measurement, gain: float) -> list[dict[str, Array]]:
-    geometry = ChainGeometry.of(chain)
+    geometry = ChainGeometry.from_chain(chain)
     runs = []
     for run in measurement.runs:
         axis = np.zeros((len(run), 3))

@@ -1,6 +1,6 @@
-"""What the measured benches share: recordings split by run, errors of a study on a file, and the page's sections.
+"""Shared by the measured benches: recordings split by run, errors of a study on a file, and the page's sections.
 
-All of it is what a user has: `pliant.open`, `compare`, `diagnose`, `improve`, `api.law_of_runs`.
+All of it uses the public interface: `pliant.open`, `compare`, `diagnose`, `improve`, `api.fit_stated_law`.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Row = Mapping[str, str]
 
 
 def missing(*names: str) -> bool:
-    """Whether a recording is not here, which is said."""
+    """Return whether a recording is missing, and print it."""
     absent = [MEASURED / name for name in names if not (MEASURED / name).is_file()]
     if absent:
         print(f"skipped: {absent[0]} is not here")
     return bool(absent)
 
 
-def runs_of(names: Iterable[str], key: str = "run") -> dict[str, list[Row]]:
-    """The rows of each run of some files, in their order."""
+def read_runs(names: Iterable[str], key: str = "run") -> dict[str, list[Row]]:
+    """Return the rows of each run of some files, in their order."""
     found: dict[str, list[Row]] = defaultdict(list)
     for name in names:
         with (MEASURED / name).open(encoding="utf-8") as file:
@@ -44,7 +44,7 @@ def runs_of(names: Iterable[str], key: str = "run") -> dict[str, list[Row]]:
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
-    """A CSV of rows with the same columns."""
+    """Write a CSV of rows with the same columns."""
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(rows[0]))
         table.writeheader()
@@ -53,7 +53,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
 
 
 def residuals(study: StudyHandle, data: Path) -> dict[str, dict[str, Array]]:
-    """By run and output, (t,) measured − model in SI, of what `compare` finds on a file."""
+    """Return the residuals (t,) of `compare` on a file by run and output: measured − model in SI."""
     table = study.compare(data).to_frame()
     run, output, values = (np.asarray(table[name]) for name in ("run", "output", "residual"))
     found: dict[str, dict[str, Array]] = {}
@@ -64,13 +64,13 @@ def residuals(study: StudyHandle, data: Path) -> dict[str, dict[str, Array]]:
 
 
 def rms(values: Array) -> float:
-    """Root mean square of what was read; NaN of nothing."""
+    """Return the root mean square of readings; NaN without any."""
     there = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(there**2))) if len(there) else float("nan")
 
 
 def improved(study: StudyHandle, new: Path) -> tuple[Any, StudyHandle]:
-    """What `improve` found, and the study that it wrote; the study as it was where it added nothing."""
+    """Run `improve`; return its record and the study that it wrote, the given study if it added nothing."""
     found = study.improve(out=new)
     added = found.record.final is not None
     return found.record, pliant.open(new, store=study.opened.bench.store.root) if added else study
@@ -88,7 +88,7 @@ def publish(section: str, lines: Sequence[str]) -> None:
 
 
 def finish(figure: Any, name: str) -> None:
-    """Save a row of panels for the page: what stands in the first one counts for all."""
+    """Save a row of panels for the page; the legend of the first panel applies to all."""
     for panel in figure.axes:
         panel.spines[["top", "right"]].set_visible(False)
     figure.axes[0].legend(frameon=False, fontsize=8)
@@ -97,23 +97,23 @@ def finish(figure: Any, name: str) -> None:
 
 
 def first_sentence(reason: str) -> str:
-    """The first sentence of what `improve` says at its end: the page has no room for every look at the bench."""
+    """Return the first sentence of the verdict of `improve`: the page has no room for all of it."""
     return f"{reason.split('. ')[0].rstrip('.')}."
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A Markdown table."""
+    """Return a Markdown table."""
     body = [" | ".join(row) for row in rows]
     return [f"| {' | '.join(head)} |", "|" + "---|" * len(head), *(f"| {row} |" for row in body), ""]
 
 
-def main_of(files: Sequence[str], doc: str | None, work: Callable[[Path, bool], None]) -> None:
+def run_script(files: Sequence[str], doc: str | None, work: Callable[[Path, bool], None]) -> None:
     """Run a bench in a folder that is kept while it runs; `--page` draws and publishes too."""
     import tempfile
 
-    from benchmarks.output import parser_of
+    from benchmarks.output import make_parser
 
-    parser = parser_of(doc)
+    parser = make_parser(doc)
     parser.add_argument("--page", action="store_true", help="draw the pictures and write the page's section")
     asked = parser.parse_args()
     if missing(*files):

@@ -1,13 +1,13 @@
-"""A clamped silicone beam that is let go, with and without 52 g at its tip: free swings against a calibrated rubber.
+"""A clamped silicone beam that is released, with and without 52 g at its tip: free swings against a calibrated rubber.
 
 python -m benchmarks.real.silicone_beam     prints, and writes benchmarks/out/silicone_beam.json
 
 Stated: 94 mm from base to tip markers, 1070 kg/m³, E 263.8 kPa as its authors' simulation found it. Not stated: the
-section, how the camera stands, and how the beam was held: it stands still and straight before it falls, and is taken
-as held there by its end. The instant of release is when the first marker has moved by 0.3 mm, by the same rule in every
-run: it is what drives a free swing, not what is judged. Stiffness and mass follow from the two sags of the training
-runs. Every marker has a zero of its own in every run. The pneumatic arm of the same folder (`arm_…`) has no record of
-its pressure over time: it is read by nothing here.
+section, the camera's pose, and how the beam was held: it is at rest and straight before it falls, and is assumed to be
+held there at its end. The instant of release is when the first marker has moved by 0.3 mm, by the same rule in every
+run: it is an input of the free swing and is not scored. Stiffness and mass follow from the two sags of the training
+runs. Every marker has a separate zero in every run. The pneumatic arm of the same folder (`arm_…`) has no record of its
+pressure over time and is not used.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.real import splits
-from benchmarks.real.five import main_of_bench
+from benchmarks.real.five import run_bench_script
 from benchmarks.real.measured_bench import MeasuredBench
 from benchmarks.real.splits import Part
 
@@ -42,7 +42,7 @@ TIPS = [f"marker_{k}_{axis}_m" for k in (1, 2, 3) for axis in "xyz"]
 
 
 def notes(part: Part) -> Mapping[str, Any]:
-    """Return what the files of a part do not say: loads, when the beam was let go, markers, frame and zeros."""
+    """Return information that the files of a part lack: loads, time of release, markers, frame and zeros."""
     paths = splits.files("silicone_beam", part, "beam_")
     loads = {path.stem: {"pressure_pa": 0.0} for path in paths}
     for run in loads:
@@ -61,7 +61,7 @@ def notes(part: Part) -> Mapping[str, Any]:
 
 
 def release_s(path: Path) -> float:
-    """Return the last instant before the first marker has moved by 0.3 mm from where it stood."""
+    """Return the last instant before the first marker has moved by 0.3 mm from its initial position."""
     with path.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     place = np.array([[float(row[f"marker_1_{axis}_m"] or "nan") for axis in "xyz"] for row in rows])
@@ -91,4 +91,4 @@ def sag_m(run: Any) -> float:
 BENCH = MeasuredBench("silicone_beam", CHAIN, notes, fit, only="beam_", inputs=("pressure_pa",))
 
 if __name__ == "__main__":
-    main_of_bench(BENCH, __doc__)
+    run_bench_script(BENCH, __doc__)

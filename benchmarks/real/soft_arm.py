@@ -1,18 +1,18 @@
-"""An arm of three pneumatic chambers under motion capture: what a plain law leaves of it, and what four baselines do.
+"""An arm of three pneumatic chambers under motion capture: residuals of a simple law and of four baselines.
 
 python -m benchmarks.real.soft_arm     prints, and writes benchmarks/out/soft_arm.json
 
 Stated: a length of 185 mm, three chambers at 120°, gauge pressures in psi. Not stated: weight, stiffness, the order of
-the chambers about the axis, and how the camera stands: the arm rests along its z in the runs with steps and along its y
-in those of tracking, so that each of the two sessions has a turn of its own, fitted to the training runs. The law
-is plain: each of four ball joints bends by the sum of the pressures, g Σ pₖ eₖ, with g from the training runs. Without
-a run under load in training the stiffness behind g is a guess (0.6 N·m/rad for the whole arm), which the payload of
-`tracking_4` tries.
+the chambers about the axis, and the camera's pose: the arm rests along its z in the runs with steps and along its y in
+those of tracking, so that each of the two sessions has a separate rotation, fitted to the training runs. The law is
+simple: each of four ball joints bends by the sum of the pressures, g Σ pₖ eₖ, with g from the training runs. Without a
+run under load in training the stiffness behind g is assumed (0.6 N·m/rad for the whole arm); the payload of
+`tracking_4` tests it.
 """
 
 from __future__ import annotations
 
-from benchmarks.real.five import main_of_bench
+from benchmarks.real.five import run_bench_script
 from benchmarks.real.measured_bench import MeasuredBench, bend_gain
 
 from pliant.records.measurement import Measurement
@@ -67,4 +67,4 @@ BENCH = MeasuredBench(
 )
 
 if __name__ == "__main__":
-    main_of_bench(BENCH, __doc__)
+    run_bench_script(BENCH, __doc__)

@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, make_parser, write
 from benchmarks.real.recordings import MEASURED, missing, write_rows
 
 from pliant import api
@@ -33,6 +33,7 @@ PSI_PA = 6894.757
 LINK_M = 0.065
 MUSCLE_M = 0.029
 FITTED = ("viscoelastic", "friction_hysteresis", "pressure_offset")
+RELATED = "friction_hysteresis"  # whose relatives are fitted too: friction that falls with the rate
 MOST_FIT_S, MOST_IMPROVE_S = 0.5, 180.0
 CHAMBERS = ("pressure_1_pa", "pressure_2_pa", "pressure_3_pa")
 LINK = ("three_bellow_link/drive_first_part.csv",)
@@ -41,7 +42,7 @@ ARM = tuple(
     f"soft_arm/{name}.csv" for name in (*(f"steps_{k}" for k in (1, 3, 5, 6, 8)), "tracking_1", "tracking_4")
 )
 
-# One ball joint whose axes have laws of their own; each of three bellows bends it to its own side.
+# One ball joint whose axes have separate laws; each of three bellows bends it to its own side.
 BALL = """
 pliant: 1
 name: {name}
@@ -84,7 +85,7 @@ class Seconds:
     processor: float
 
     @staticmethod
-    def of(work: Callable[[], object]) -> Seconds:
+    def measure(work: Callable[[], object]) -> Seconds:
         """Time some work, its child processes included."""
         begun, used = time.perf_counter(), _processor_s()
         work()
@@ -97,7 +98,7 @@ def _processor_s() -> float:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--improve", action="store_true", help="improve the soft arm as well")
     parser.add_argument("--prepare", type=Path, metavar="FOLDER", help="only write studies and tables")
     asked = parser.parse_args()
@@ -123,31 +124,36 @@ def main() -> None:
 
 
 def fits(study: Path) -> dict[str, Seconds]:
-    """Seconds of the first prediction, which compiles what is not compiled yet, and of a fit of each effect."""
+    """Return the seconds of the first prediction, with compilation, and of a fit of each effect."""
     opened = api.open_study(study, store=study.parent / "store")
-    ground = Ground.of(opened.bench, opened.study, api.read_measurement(opened))
-    times = {"first prediction": Seconds.of(ground.predictor.predict)}
+    ground = Ground.from_study(opened.bench, opened.study, api.read_measurement(opened))
+    times = {"first prediction": Seconds.measure(ground.predictor.predict)}
     readings = ground.readings(())
-    for kind in FITTED:
+    for kind, forms in (*((kind, ()) for kind in FITTED), (RELATED, (RELATED,))):
         found: list[EffectFit] = []
-        for name in (f"{kind}, first", kind):
+        label = f"{kind}, relatives" if forms else kind
+        for name in (f"{label}, first", label):
             fitter = Fitter(ground.predictor, readings)
-            candidate = EffectSet.of(opened.bench.registry, (kind,))
-            times[name] = Seconds.of(lambda: found.append(fitter.fit(candidate)))  # noqa: B023
-        left = np.sqrt(found[-1].mean_square())
+            candidate = EffectSet.from_kinds(opened.bench.registry, (kind,), forms)
+            times[name] = Seconds.measure(lambda: found.append(fitter.fit(candidate)))  # noqa: B023
+        fit, samples = found[-1], sum(map(len, ground.measurement.runs))
+        effects, finest = candidate.configs(fit.x), ground.predictor.refined(fit.parts)
+        per_step = 1e6 / (samples * (1.5 * fit.parts if fit.parts > 1 else 1))
+        once = Seconds.measure(lambda: finest.evaluate(effects))  # noqa: B023
         print(
-            f"{opened.study.name}, {len(readings)} readings, {kind}: {times[kind].wall:.2f} s on the clock, "
-            f"{times[kind].processor:.2f} s of processor, the first time {times[f'{kind}, first'].wall:.1f} s; "
-            f"{found[-1].parts} steps a sample, {left:.2f} floors left",
+            f"{opened.study.name}, {len(readings)} readings, {label}: {times[label].wall:.2f} s on the clock, "
+            f"{times[label].processor:.2f} s of processor, the first time {times[f'{label}, first'].wall:.1f} s; "
+            f"{fit.parts} steps a sample, {per_step * once.processor:.0f} µs a step, "
+            f"{np.sqrt(fit.mean_square()):.2f} floors left",
             flush=True,
         )
     return times
 
 
 def improve(study: Path) -> Seconds:
-    """Seconds of `pliant improve` in two processes."""
+    """Return seconds of `pliant improve` in two processes."""
     opened = api.open_study(study, store=study.parent / "store")
-    taken = Seconds.of(lambda: print(api.improve(opened, workers=2).steps[-1].named))
+    taken = Seconds.measure(lambda: print(api.improve(opened, workers=2).steps[-1].named))
     print(
         f"{opened.study.name}, improve: {taken.wall:.0f} s on the clock, {taken.processor:.0f} s of processor"
     )
@@ -176,7 +182,7 @@ Rows = list[dict[str, object]]
 
 
 def link_rows() -> Rows:
-    """Two curvatures as the place of the tip of one ball joint in the middle."""
+    """Return two curvatures as the tip position of one ball joint in the middle."""
     columns = _columns(LINK[0])
     bend = LINK_M * np.stack([columns["curvature_x_1_per_m"], columns["curvature_y_1_per_m"]])
     size = np.maximum(np.hypot(*bend), 1e-12)
@@ -186,7 +192,7 @@ def link_rows() -> Rows:
 
 
 def muscle_rows() -> Rows:
-    """Three weights at one specimen; each recording from its first reading."""
+    """Return three weights at one specimen; each recording relative to its first reading."""
     rows: Rows = []
     for name, grams in zip(MUSCLE, (100.0, 300.0, 500.0), strict=True):
         columns = _columns(name)
@@ -202,7 +208,7 @@ def muscle_rows() -> Rows:
 
 
 def arm_rows() -> Rows:
-    """Tip beside the arm's own axis, which is y in the camera's frame while it tracked and z before."""
+    """Return the tip's coordinates across the arm's axis: the camera's y in tracking runs, z in the others."""
     rows: Rows = []
     for name in ARM:
         columns = _columns(name)

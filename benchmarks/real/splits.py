@@ -78,7 +78,7 @@ def block(bench: str, part: Part, notes: Mapping[str, Any], only: str = "") -> d
 
     Args:
         bench, part: which.
-        notes: what the files do not say of themselves; entries of runs that are not in the part are left out.
+        notes: information that the files lack; entries of runs that are not in the part are left out.
         only: how the names of its files begin.
     """
     chosen = [one for one in stretches(bench, part) if one.run.startswith(only)]

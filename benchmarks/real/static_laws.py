@@ -20,7 +20,7 @@ UNIT_PA = 5e4  # keeps the powers of the pressures near 1
 
 
 def folds(time_s: Array, block_s: float = BLOCK_S) -> NDArray[np.intp]:
-    """(t,) number of the fold: blocks of the run are dealt out in turn."""
+    """Return (t,) number of the fold: blocks of the run are assigned in turn."""
     return np.asarray(np.floor(time_s / block_s).astype(np.intp) % FOLDS)
 
 
@@ -44,12 +44,12 @@ class StaticLaw:
         return f"degree {self.degree} in {'p₁ and p₂' if self.apart else 'p₁ − p₂'}"
 
     def predict(self, p1: Array, p2: Array) -> Array:
-        """(t,) the angle that the law predicts, rad."""
+        """Return (t,) predicted angle, rad."""
         return np.asarray(_columns(p1, p2, self.degree, self.apart) @ self.weights, float)
 
 
 def static_laws(p1: Array, p2: Array, angle: Array, time_s: Array) -> list[StaticLaw]:
-    """All degrees, chambers together and apart."""
+    """Fit laws of all degrees, chambers together and apart."""
     number = folds(time_s)
     laws = []
     for apart in (False, True):
@@ -65,7 +65,7 @@ def static_laws(p1: Array, p2: Array, angle: Array, time_s: Array) -> list[Stati
 
 
 def chosen(laws: list[StaticLaw]) -> StaticLaw:
-    """Of the laws in p₁ − p₂ the one that predicts blocks left out best."""
+    """Return the law in p₁ − p₂ with the smallest error on left-out blocks."""
     return min((law for law in laws if not law.apart), key=lambda law: law.blocked)
 
 

@@ -25,10 +25,10 @@ from benchmarks.real.recordings import (
     finish,
     first_sentence,
     improved,
-    main_of,
     publish,
+    read_runs,
     residuals,
-    runs_of,
+    run_script,
     table,
     write_rows,
 )
@@ -48,7 +48,7 @@ TENDON_M, SLOPE, TENDON_END_M = 0.0114, -0.0295, 0.305
 PULLEY_M = 0.0325  # of the motors, whose unit is their torque in N·m
 BASE_MARKER_M = np.array([0.03, 0.0, -0.013])  # in the world of the study: the base at 0, z up
 # From the plate's marker to markers 1, 2, 3, 4, of their places as stated: 129.1, 219.5, 280 and 368 mm along the body
-# and 25, −21, 20 and 0 mm beside it.
+# and 25, −21, 20 and 0 mm across it.
 APART_M = np.array([0.1162, 0.1014, 0.0731, 0.0902])
 TENDON_YAW = {"m1": np.pi / 3, "m2": -np.pi / 3}  # of the planes at 30° and 150°
 TIP_MARKER_M, LENGTH_M = 0.008, 0.36
@@ -71,18 +71,18 @@ measurements:
 
 
 def main() -> None:
-    main_of([FILE], __doc__, bench)
+    run_script([FILE], __doc__, bench)
 
 
 def bench(folder: Path, page: bool) -> None:
-    """Diagnose and improve on the training shapes, score on the others, and let the density float beside."""
-    shapes = {name: markers_of(rows) for name, rows in runs_of([FILE]).items()}
+    """Diagnose and improve on the training shapes, score on the others, and also fit with a free density."""
+    shapes = {name: marker_positions(rows) for name, rows in read_runs([FILE]).items()}
     unseen = held_out([[name for name in shapes if name.startswith(motor)] for motor in TENDON_YAW], (2, 1))
     seen = [name for name in shapes if name not in unseen]
     for name, chosen in (("seen.csv", seen), ("unseen.csv", unseen)):
-        write_rows(folder / name, [row_of(run, shapes[run]) for run in chosen])
+        write_rows(folder / name, [shape_row(run, shapes[run]) for run in chosen])
     path = folder / "tentacle.yaml"
-    path.write_text(study_of(MODULUS_PA, DENSITY_KG_M3))
+    path.write_text(study_text(MODULUS_PA, DENSITY_KG_M3))
     study = pliant.open(path, store=folder / "store")
     found, final = improved(study, folder / "tentacle_improved.yaml")
     models = {"as stated": study}
@@ -117,8 +117,8 @@ def bench(folder: Path, page: bool) -> None:
         publish("tentacle", page_lines(rows, unseen, found, values, density, first, last))
 
 
-def markers_of(rows: Sequence[Row]) -> Array:
-    """(4, 3) mean places of markers 1 to 4 in the study's world, m.
+def marker_positions(rows: Sequence[Row]) -> Array:
+    """Return (4, 3) mean places of markers 1 to 4 in the study's world, m.
 
     The names in the file change from run to run. The marker on the plate is the highest one; the others are in the
     order in which they are as far apart as stated, as nearly as bending allows.
@@ -139,19 +139,19 @@ def markers_of(rows: Sequence[Row]) -> Array:
 
 
 def tension_n(run: str) -> float:
-    """The tendon's nominal tension: `m1_u018` is 0.18 N·m at the pulley."""
+    """Return the tendon's nominal tension: `m1_u018` is 0.18 N·m at the pulley."""
     digits = run.partition("_u")[2]
     return float(f"{digits[0]}.{digits[1:]}") / PULLEY_M
 
 
-def row_of(run: str, shape: Array) -> dict[str, Any]:
-    """A shape as Pliant reads it."""
+def shape_row(run: str, shape: Array) -> dict[str, Any]:
+    """Return the row of a shape in Pliant's format."""
     place = {f"marker_1_{axis}_m": value for axis, value in zip(AXES, shape[3], strict=True)}
     return {"run": run, "tendon_force_n": tension_n(run), "base_yaw_rad": TENDON_YAW[run[:2]], **place}
 
 
-def study_of(modulus_pa: float, density_kg_m3: float) -> str:
-    """The study of the stated cones."""
+def study_text(modulus_pa: float, density_kg_m3: float) -> str:
+    """Return the study of the stated cones."""
     segments, start, law = [], 0.0, ""
     for length, wide, narrow, count in CONES:
         piece = length / count
@@ -176,7 +176,7 @@ def study_of(modulus_pa: float, density_kg_m3: float) -> str:
 
 
 def floating(study: StudyHandle) -> tuple[StudyHandle, dict[str, float]]:
-    """What an identification does that lets modulus and density float: both fitted, whatever they mean."""
+    """Fit modulus and density without constraints, for comparison; return the study and the values."""
     found = study.extend("stiffness", "gravity_scale")
     values = dict(found.record.fit.values)
     told = {"modulus_pa": MODULUS_PA * values["stiffness.factor"]}
@@ -185,7 +185,7 @@ def floating(study: StudyHandle) -> tuple[StudyHandle, dict[str, float]]:
 
 
 def distances(model: StudyHandle, folder: Path) -> dict[str, float]:
-    """By run, distance of the measured tip from the model's, m."""
+    """Return the distance between measured and simulated tip by run, m."""
     found = {}
     for name in ("seen.csv", "unseen.csv"):
         for run, outputs in residuals(model, folder / name).items():
@@ -194,7 +194,7 @@ def distances(model: StudyHandle, folder: Path) -> dict[str, float]:
 
 
 def numbers(errors: Mapping[str, float], seen: Sequence[str], unseen: Sequence[str]) -> list[str]:
-    """Root mean square over the training shapes, each unseen shape and all of them: mm and share of the length."""
+    """Return the RMS over the training shapes, of each unseen shape and over all: mm and share of the length."""
     fitted, apart = (float(np.sqrt(np.mean([errors[run] ** 2 for run in runs]))) for runs in (seen, unseen))
     each = [f"{1e3 * errors[run]:.1f}" for run in unseen]
     return [f"{1e3 * fitted:.1f}", *each, f"**{1e3 * apart:.1f}** ({apart / LENGTH_M:.1%})"]
@@ -209,7 +209,7 @@ def page_lines(
     first: str,
     last: str,
 ) -> list[str]:
-    """The section's table and verdicts."""
+    """Return the section's table and verdicts."""
     told = ", ".join(f"`{name}` {value:.3g}" for name, value in values.items())
     causes = ", ".join(f"{step.named} ({step.cause})" for step in found.steps[1:])
     heads = [
@@ -237,7 +237,7 @@ def page_lines(
 def draw(
     folder: Path, shapes: Mapping[str, Array], models: Mapping[str, StudyHandle], unseen: Sequence[str]
 ) -> None:
-    """Markers of the unseen shapes in the tendon's plane, with the bodies of the models."""
+    """Draw markers of the unseen shapes in the tendon's plane, with the bodies of the models."""
     figure, panels = plt.subplots(1, len(unseen), figsize=(11, 4.4), sharey=True)
     for panel, run in zip(panels, unseen, strict=True):
         yaw = TENDON_YAW[run[:2]]

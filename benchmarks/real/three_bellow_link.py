@@ -11,7 +11,7 @@ its middle.
 from __future__ import annotations
 
 import numpy as np
-from benchmarks.real.five import main_of_bench
+from benchmarks.real.five import run_bench_script
 from benchmarks.real.measured_bench import MeasuredBench, bend_gain
 
 from pliant.records.measurement import Measurement
@@ -82,4 +82,4 @@ BENCH = MeasuredBench(
 )
 
 if __name__ == "__main__":
-    main_of_bench(BENCH, __doc__)
+    run_bench_script(BENCH, __doc__)

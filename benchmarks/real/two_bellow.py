@@ -1,13 +1,13 @@
-"""A measured actuator with opposed bellows: improved on one run, tested on the runs that nothing was fitted to.
+"""A measured actuator with opposed bellows: improved on one run, tested on runs that were not fitted.
 
 python -m benchmarks.real.two_bellow [--page]    prints, and writes benchmarks/out/two_bellow.json
 
-The law that the study states roughly is fitted to the training run (`api.law_of_runs`), then `pliant improve` walks
-from there on the same run; then the law is fitted once more with the effects in place, and `improve` walks again. The
-baseline is the static law (a polynomial of the pressures of the moment) that predicts
-blocks of the training run best. `7V_again` repeats 7V on another day and tells the floor: each run is set to its own
-zero, the median of the angle before the first filling. Nobody may call these runs unseen any more: they were looked at
-while `improve` was built, so they calibrate it.
+The approximate law of the study is fitted to the training run (`api.fit_stated_law`), then `pliant improve` runs on the
+same run; then the law is fitted once more with the effects included, and `improve` runs again. The baseline is the
+static law (a polynomial of the instantaneous pressures) that predicts left-out blocks of the training run best.
+`7V_again` repeats 7V on another day and gives the lower bound of the error: each run is set to its own zero, the median
+of the angle before the first filling. These runs are not unseen data: they were used during the development of
+`improve`, so they calibrate it.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from benchmarks.output import write
 from benchmarks.real.recordings import (
     PICTURES,
     first_sentence,
-    main_of,
     publish,
+    read_runs,
     residuals,
     rms,
-    runs_of,
+    run_script,
     table,
     write_rows,
 )
@@ -47,10 +47,10 @@ TRAINING = {"12V": ("7V", "9V", "7V_again"), "7V": ("12V", "9V", "7V_again")}
 ANGLE = "angle_rad"
 IDLE_PA = 500.0
 SHIFTS_S = np.linspace(-1.0, 1.0, 41)
-# What was asked for: the fall of the error against the chosen static law.
+# Target: the reduction of the error relative to the chosen static law.
 BARS = {("12V", "7V"): 2.9, ("12V", "9V"): 2.9, ("7V", "12V"): 3.0, ("7V", "9V"): 4.5}
 ROUGH = "coefficients: {k_n: 2.0e-6, m_a: -1.0e-6, m_e: 0.2, b_e: 0.1}"
-# Nobody measured a moment, so that b_e stands for a unit and is never fitted.
+# No moment was measured, so that b_e sets the unit and is never fitted.
 STUDY = f"""
 pliant: 1
 name: two-bellow
@@ -89,7 +89,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Walk:
-    """What one walk of `improve` did: effects as they were added, how each came about, where it ended."""
+    """The record of one run of `improve`: effects in the order of addition, their reasons, and the result."""
 
     steps: tuple[str, ...]
     causes: tuple[str, ...]
@@ -98,7 +98,7 @@ class Walk:
     reason: str
 
     @staticmethod
-    def of(found: Any) -> Walk:
+    def from_improvement(found: Any) -> Walk:
         added = found.steps[1:]
         values = {} if found.final is None else dict(found.final.values)
         causes = tuple(step.cause for step in added)
@@ -106,13 +106,13 @@ class Walk:
 
     @property
     def told(self) -> str:
-        """Effects with how each came about."""
+        """Return the effects with the reason of each."""
         return ", ".join(f"{s} [{c}]" for s, c in zip(self.steps, self.causes, strict=True)) or "nothing"
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """What came of one training run.
+    """The results of one training run.
 
     Attributes:
         static: the polynomial that blocks choose.
@@ -130,17 +130,17 @@ class Way:
 
 
 def main() -> None:
-    main_of(FILES, __doc__, bench)
+    run_script(FILES, __doc__, bench)
 
 
 def bench(folder: Path, page: bool) -> None:
-    """Both ways, the floor of the repeat, and the page where it is asked for."""
+    """Run both procedures, the floor of the repeat, and the page if requested."""
     runs = read(folder)
-    floor = repeat_of(runs["7V"], runs["7V_again"])
+    floor = compare_repeat(runs["7V"], runs["7V_again"])
     ways = [way(folder, runs, training) for training in TRAINING]
     print(f"two runs of 7 V, each set to its own zero: {floor}")
     for one in ways:
-        print("\n".join(lines_of(one)))
+        print("\n".join(terminal_lines(one)))
     write("two_bellow", {"repeat": asdict(floor), "ways": [result(one) for one in ways]})
     if page:
         draw(runs, ways)
@@ -148,9 +148,9 @@ def bench(folder: Path, page: bool) -> None:
 
 
 def read(folder: Path) -> dict[str, Run]:
-    """The runs, each in a file of its own."""
+    """Write each run to a separate file and return the runs."""
     found = {}
-    for name, rows in runs_of(FILES).items():
+    for name, rows in read_runs(FILES).items():
         columns = {key: np.array([float(row[key]) for row in rows]) for key in rows[0] if key != "run"}
         signals = (columns[key] for key in ("time_s", "pressure_1_pa", "pressure_2_pa", "bend_angle_rad"))
         found[name] = Run(write_rows(folder / f"{name}.csv", rows), *signals)
@@ -159,15 +159,15 @@ def read(folder: Path) -> dict[str, Run]:
 
 @dataclass(frozen=True)
 class Repeat:
-    """How far two runs of one voltage lie apart, rad: by their own clocks, and with one clock moved by `shift_s`."""
+    """The difference of two runs of one voltage, rad: by their own clocks, and with one clock moved by `shift_s`."""
 
     by_clock: float
     shift_s: float
     moved: float
 
 
-def repeat_of(one: Run, again: Run) -> Repeat:
-    """Root mean square difference of two runs, each set to its own zero; the recorder may have begun late."""
+def compare_repeat(one: Run, again: Run) -> Repeat:
+    """Return the RMS difference of two runs, each set to its own zero; the recorder may have started late."""
 
     def apart(shift_s: float) -> float:
         there = np.interp(one.time_s + shift_s, again.time_s, again.angle - again.zero)
@@ -198,28 +198,28 @@ def way(folder: Path, runs: dict[str, Run], training: str) -> Way:
         for label, model in models.items():
             errors[name] = residuals(model, unseen.path)[name][ANGLE]
             falls[name][label] = rms(errors[name])
-    return Way(training, static, falls, errors, *(Walk.of(one) for one in (found, once_more)))
+    return Way(training, static, falls, errors, *(Walk.from_improvement(one) for one in (found, once_more)))
 
 
 def turn(
     path: Path, text: str, coefficients: str, effects: Sequence[EffectConfig]
 ) -> tuple[StudyHandle, Any]:
-    """The law fitted with these effects in place, and what `improve` then finds from the law alone."""
+    """Fit the law with these effects included, then run `improve` from the law alone."""
     store = path.parent / "store"
     path.write_text(text.replace(ROUGH, coefficients))
     start = with_effects(pliant.open(path, store=store), effects)
-    path.write_text(text.replace(ROUGH, api.law_of_runs(start.opened, held=["b_e"]).yaml()))
+    path.write_text(text.replace(ROUGH, api.fit_stated_law(start.opened, held=["b_e"]).yaml()))
     study = pliant.open(path, store=store)
     return study, study.improve().record
 
 
 def with_effects(study: StudyHandle, effects: Sequence[EffectConfig]) -> StudyHandle:
-    """The study with these effects."""
+    """Return the study with these effects."""
     return study.with_({"effects": [effect.canonical() for effect in effects]}) if effects else study
 
 
-def lines_of(one: Way) -> list[str]:
-    """For the terminal."""
+def terminal_lines(one: Way) -> list[str]:
+    """Return lines for the terminal."""
     lines = [f"\n=== improved on {one.training}; baseline: static law of {one.static.name}"]
     for name, errors in one.falls.items():
         told = ", ".join(f"{label} {value:.4f}" for label, value in errors.items())
@@ -236,7 +236,7 @@ def lines_of(one: Way) -> list[str]:
 
 
 def result(one: Way) -> dict[str, Any]:
-    """As JSON."""
+    """Return the result as JSON values."""
     return {
         "training": one.training,
         "static": one.static.name,
@@ -247,14 +247,14 @@ def result(one: Way) -> dict[str, Any]:
 
 
 def _line(study: StudyHandle) -> str:
-    """The coefficients of a study's law, as a line of it."""
+    """Return the coefficients of a study's law, as a line of it."""
     law: Any = study.config.surrogate
     inner = ", ".join(f"{name}: {value!r}" for name, value in law.coefficients.model_dump().items())
     return f"coefficients: {{{inner}}}"
 
 
 def page_lines(ways: list[Way], floor: Repeat) -> list[str]:
-    """The tables of the section."""
+    """Return the tables of the section."""
     lines = []
     for one in ways:
         names = list(one.falls)
@@ -297,7 +297,7 @@ def page_lines(ways: list[Way], floor: Repeat) -> list[str]:
 
 
 def draw(runs: dict[str, Run], ways: list[Way]) -> None:
-    """Runs that were not fitted: angle over time, and the error of the static law and of the improved model."""
+    """Draw held-out runs: angle over time, and the error of the static law and of the improved model."""
     shown = [(one, name) for one in ways for name in TRAINING[one.training][:2]]
     figure, panels = plt.subplots(
         2, len(shown), figsize=(11, 5), sharex=True, sharey="row", height_ratios=(2, 1)

@@ -1,7 +1,7 @@
-"""What both studies do: their options, finished parts kept as JSON so that an interrupted one goes on, how they end.
+"""Functions shared by both studies: options, finished parts stored as JSON for continuation, and conclusion.
 
-A study takes hours, and not everybody has them in one go, or on one checkout: what was published stands in for a part
-that this checkout lacks, as long as it is of the same study. What is asked for is always run.
+A study takes hours and may be run in several calls or on several checkouts: published results replace a part that this
+checkout lacks, provided that they are of the same study. Requested parts are always run.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import machine, seconds_of
+from benchmarks.output import machine, time_calls
 from benchmarks.studies.page import DOCS, publish, require_main
 from rich.console import Console
 
@@ -30,14 +30,14 @@ from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, NotReachedError, PliantError, UserError
 from pliant.pipeline.study import DEFAULT_PHYSICS
 from pliant.pipeline.workbench import content
-from pliant.records.search import STATUSES, SearchResult
-from pliant.report.search_files import search_json
-from pliant.search.run.search import nothing_found
-from pliant.search.stage import search_study
 from pliant.store.store import write_atomically
+from pliant_search.records import STATUSES, SearchResult
+from pliant_search.report.folder import search_json
+from pliant_search.run.search import nothing_found
+from pliant_search.stage import search_study
 
 Part = dict[str, Any]
-# What a result has beside its main search.
+# Entries of a result other than its main search.
 AROUND = ("small", "overrides", "published", "runs", "baseline", "seeds", "bars")
 
 
@@ -47,8 +47,8 @@ class Parts:
 
     Attributes:
         folder: of NAME.json.
-        fresh: whether parts that are there are made anew.
-        published: parts that docs have, as far as a page needs them.
+        fresh: whether existing parts are recomputed.
+        published: parts in docs that a page needs.
     """
 
     folder: Path
@@ -56,7 +56,7 @@ class Parts:
     published: Mapping[str, Part] = field(default_factory=dict)
 
     def find(self, name: str, of: str) -> Part | None:
-        """A finished part, or None: it is missing, or was made of something else than `of`."""
+        """Return a finished part, or None if it is missing, or was made of something else than `of`."""
         try:
             part: Part = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -64,12 +64,12 @@ class Parts:
         return part if part.get("made_of") == of else None
 
     def known(self, name: str, of: str) -> Part | None:
-        """A finished part, or else the published one; None where neither is of the same study."""
+        """Return a finished part, or else the published one; None if neither is of the same study."""
         docs = self.published.get(name, {})
         return self.find(name, of) or (docs if docs.get("made_of") == of else None)
 
     def get(self, name: str, of: str, make: Callable[[], Mapping[str, Any]]) -> Part:
-        """A finished part, made where it is missing."""
+        """Return a finished part, made if it is missing."""
         found = None if self.fresh else self.find(name, of)
         if found is not None:
             return found
@@ -80,7 +80,7 @@ class Parts:
 
 
 def published_parts(file: Path, main: str) -> dict[str, Part]:
-    """Part → what a published result keeps of it; nothing where there is no such file.
+    """Return part → the entries of a published result; empty if there is no such file.
 
     Args:
         file: NAME.json of docs.
@@ -99,8 +99,8 @@ def published_parts(file: Path, main: str) -> dict[str, Part]:
     return parts | {part["part"]: part for part in others if part}
 
 
-def made_of(study: Study) -> str:
-    """Names what the study says, files that it names by their content: a part of something else is out of date."""
+def study_digest(study: Study) -> str:
+    """Return a digest of the study with files by content: a part with another digest is out of date."""
     return hashlib.sha256(json.dumps(content(study), sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -121,7 +121,7 @@ class Asked:
     overrides: tuple[str, ...] = ()
 
     def opened(self, store: Path, more: Sequence[str] = (), quiet: bool = False) -> api.OpenStudy:
-        """The study; raises `UserError` where it is wrong."""
+        """Return the study; raise `UserError` if it is wrong."""
         progress = TerminalProgress(Console(stderr=True, highlight=False), quiet)
         return api.open_study(self.file, [*self.overrides, *more], store=store, progress=progress)
 
@@ -165,7 +165,7 @@ def searched(asked: Asked, opened: api.OpenStudy, workers: int | None) -> tuple[
 
 
 def kernel_s() -> float:
-    """Seconds of `KERNEL`, the fastest of a few rounds."""
+    """Return seconds of `KERNEL`, the fastest of a few rounds."""
     random = np.random.default_rng(0)
     matrix = random.random((SIZE, SIZE)) + SIZE * np.eye(SIZE)
     right = random.random(SIZE)
@@ -174,11 +174,11 @@ def kernel_s() -> float:
         for _ in range(SOLVES):
             np.linalg.solve(matrix, right)
 
-    return min(seconds_of(solves, ROUNDS, time.perf_counter))
+    return min(time_calls(solves, ROUNDS, time.perf_counter))
 
 
 def history_rows(result: SearchResult) -> list[dict[str, Any]]:
-    """Evenly spread candidates: row, branch, context, status, objective and the best so far, as stated."""
+    """Return evenly spread candidates: row, branch, context, status, objective and best so far, as stated."""
     history, sign = result.history, -1.0 if result.maximised[0] else 1.0
     best = history.best_so_far()
     return [
@@ -195,12 +195,12 @@ def history_rows(result: SearchResult) -> list[dict[str, Any]]:
 
 
 def spread(count: int, most: int) -> list[int]:
-    """Indices 0 … count − 1, of many the evenly spread ones with both ends."""
+    """Return indices 0 … count − 1, evenly spread with both ends if there are many."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist() if count else []
 
 
 def brief(values: Any) -> Any:
-    """Numbers with six digits, in lists of any depth: files of docs are small."""
+    """Return numbers with six digits, in lists of any depth, to keep files of docs small."""
     if isinstance(values, float | np.floating):
         return float(f"{float(values):.{DIGITS}g}") if np.isfinite(values) else None
     if isinstance(values, list | tuple | np.ndarray):
@@ -214,7 +214,7 @@ STORES = output.ROOT / ".pliant" / "studies"
 
 @dataclass(frozen=True)
 class Given:
-    """What was asked for.
+    """The command's options.
 
     Attributes:
         name: of the study.
@@ -249,31 +249,31 @@ class Given:
         return self.out / (f"{self.name}_small" if self.small else self.name)
 
     def parts(self, main: str) -> Parts:
-        """Those that are finished; `main`: the search that the published result is of."""
+        """Return the finished parts; `main`: the search of the published result."""
         docs = {} if self.small else published_parts(self.docs / f"{self.name}.json", main)
         return Parts(self.folder, self.fresh, docs)
 
-    def store_of(self, part: str) -> Path:
-        """A store for each part: one that goes on from the candidates of another would not tell its own time."""
+    def part_store(self, part: str) -> Path:
+        """Return a separate store for each part, so that the time of a part includes all its candidates."""
         return self.store / self.folder.name / part
 
     def wants(self, part: str) -> bool:
-        """Whether a part is to be run."""
+        """Return whether a part is to be run."""
         return not self.only or part in self.only
 
     def part(
         self, parts: Parts, name: str, study: Study, make: Callable[[], Mapping[str, Any]]
     ) -> Part | None:
-        """A part of a study; of one that is not wanted only what is there."""
-        of = made_of(study)
+        """Return a part of a study; existing results only if it was not requested."""
+        of = study_digest(study)
         return parts.get(name, of, make) if self.wants(name) else parts.known(name, of)
 
     def stated(self) -> dict[str, Any]:
-        """What a result says of how it was asked for."""
+        """Return the options that a result states."""
         return {"small": self.small, "overrides": list(self.overrides)}
 
     def write(self, result: dict[str, Any]) -> None:
-        """The result beside the parts."""
+        """Write the result next to the folder of the parts."""
         self.out.mkdir(parents=True, exist_ok=True)
         target = self.folder.with_suffix(".json")
         write_atomically(target, json.dumps(result, indent=1, allow_nan=False) + "\n")
@@ -281,7 +281,7 @@ class Given:
 
 
 def arguments(parser: argparse.ArgumentParser, names: Sequence[str]) -> argparse.ArgumentParser:
-    """The options of both studies."""
+    """Return the options of both studies."""
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="changes of every study")
     parser.add_argument("--small", action="store_true", help="tiny budgets, for CI; docs are not touched")
     parser.add_argument("--only", action="append", choices=names, default=[], help="run only this part")
@@ -296,11 +296,11 @@ def arguments(parser: argparse.ArgumentParser, names: Sequence[str]) -> argparse
     return parser
 
 
-def given_of(found: argparse.Namespace, name: str) -> Given:
-    """The options as a record.
+def given_from_options(found: argparse.Namespace, name: str) -> Given:
+    """Return the options as a record.
 
     Raises:
-        UserError: options that exclude each other, or numbers that mean nothing.
+        UserError: options that exclude each other, or invalid numbers.
     """
     if found.small and found.publish:
         raise UserError("--small is no study to publish; leave out one of --small and --publish.")
@@ -314,7 +314,7 @@ def given_of(found: argparse.Namespace, name: str) -> Given:
 
 
 def run_command(work: Callable[[], Any]) -> int:
-    """The exit code: one message for a mistake, none for success."""
+    """Return the exit code: one message for a mistake, none for success."""
     try:
         work()
     except PliantError as error:
@@ -327,13 +327,13 @@ def run_command(work: Callable[[], Any]) -> int:
 
 
 def conclude(given: Given, result: dict[str, Any], told: Iterable[str], main: str, page: str) -> None:
-    """Print the lines, write the result, and publish it where that is asked for.
+    """Print the lines, write the result, and publish it if requested.
 
     Args:
-        given: what was asked for.
+        given: the command's options.
         result: of the study.
-        told: lines for people.
-        main: the search without which nothing is published.
+        told: lines to print.
+        main: the search that is required for publication.
         page: module with the TABLES and PICTURES of the study's page.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Searches for grippers: scores and policies, the check of winners and baseline, what is to be reached, lines."""
+"""Searches for grippers: scores and policies, the check of winners and baseline, targets, printed lines."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from benchmarks.studies.published import GRIPPER, GRIPPER_BARS
 from pliant.config.study import Study
 from pliant.errors import PliantError
 from pliant.pipeline.study import simulate_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
-from pliant.records.search import STATUSES, SearchResult
-from pliant.search.evaluate.evaluator import measured, numbers, problem_of
-from pliant.search.problem.study_setter import StudySetter, changed
-from pliant.search.verify.direct_fem import direct_studies, solvable
+from pliant_search.evaluate.evaluator import build_search_problem, measured, numbers
+from pliant_search.problem.study_setter import StudySetter, changed
+from pliant_search.records import STATUSES, SearchResult
+from pliant_search.verify.direct_fem import direct_studies, solvable
 
 LAST, MOST_DRAWS, MOST_POINTS = 0.25, 60, 60
 
 
 def score(result: SearchResult) -> float:
-    """The first objective of the best design, as stated; of one design per task the mean over the tasks."""
+    """Return the first objective of the best design, as stated; the mean over tasks if each task has a design."""
     values = [next(iter(design.objectives.values())) for design in result.best]
     return float(np.mean(values)) if result.best[0].context >= 0 else float(values[0])
 
 
 def stable_tasks(result: SearchResult) -> int:
-    """Tasks whose grasp is stable, with their best design and the noise of the search."""
+    """Return tasks whose grasp is stable, with their best design and the noise of the search."""
     found = {task: metrics for design in result.best for task, metrics in design.conditions.items()}
     return sum(metrics.get("success_share", 0.0) == 1.0 for metrics in found.values())
 
@@ -51,7 +51,7 @@ def curve(result: SearchResult) -> dict[str, list[Any]]:
 
 
 def acting(problem: Any) -> dict[str, list[str]]:
-    """Task → the variables of a `SearchProblem` that set a key in it."""
+    """Return task → the variables of a `SearchProblem` that set a key in it."""
     return {
         condition.name: [one.name for one in problem.variables if index in one.conditions]
         for index, condition in enumerate(problem.conditions)
@@ -59,7 +59,7 @@ def acting(problem: Any) -> dict[str, list[str]]:
 
 
 def policy(result: SearchResult) -> dict[str, dict[str, list[Any]]]:
-    """Task → variable → values that were proposed for it in the last quarter of a search with contexts; else empty.
+    """Return task → variable → values proposed in the last quarter of a search with contexts; else empty.
 
     Variables that are one for several tasks stand under its name, with the value that they have in the task.
     """
@@ -76,8 +76,8 @@ def policy(result: SearchResult) -> dict[str, dict[str, list[Any]]]:
     return found
 
 
-def baseline(bench: Workbench, study: Study) -> dict[str, Any]:
-    """The study's own gripper, no variable set, in all its tasks and engines, `verify.change` on top.
+def baseline(bench: RunContext, study: Study) -> dict[str, Any]:
+    """Return the study's gripper, no variable set, in all its tasks and engines, with `verify.change`.
 
     Returns:
         `engines`: engine → task → metrics; `design`: variable → the study's own value, SI; `laws`: direct FEM, or
@@ -87,7 +87,7 @@ def baseline(bench: Workbench, study: Study) -> dict[str, Any]:
         UserError: the study is wrong; an engine's own failure is a note.
     """
     begun, notes = time.perf_counter(), list[str]()
-    problem = problem_of(bench, study)
+    problem = build_search_problem(bench, study)
     setter = StudySetter(study, bench.registry)
     verify = problem.config.verify
     change = verify.change if verify is not None else {}
@@ -115,22 +115,22 @@ def baseline(bench: Workbench, study: Study) -> dict[str, Any]:
     }
 
 
-def engines_of(part: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Engine → task → verified metrics of a search's winner or of the baseline."""
+def engine_metrics(part: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return engine → task → verified metrics of a search's winner or of the baseline."""
     if "engines" in part:
         return dict(part["engines"])
     return dict((part.get("verified") or {}).get("conditions", {}))
 
 
 def stable(tasks: Mapping[str, Mapping[str, float]]) -> tuple[int, int]:
-    """Stable grasps and trials over tasks."""
+    """Return stable grasps and trials over tasks."""
     counts = [round(one["trials"]) for one in tasks.values()]
     held = [round(one["success_share"] * n) for one, n in zip(tasks.values(), counts, strict=True)]
     return sum(held), sum(counts)
 
 
 def rise_m(tasks: Mapping[str, Mapping[str, float]]) -> float:
-    """Mean of `z_max` over tasks."""
+    """Return mean of `z_max` over tasks."""
     return sum(one["z_max_m"] for one in tasks.values()) / len(tasks)
 
 
@@ -147,7 +147,7 @@ def bars(result: Mapping[str, Any]) -> list[Bar]:
     wall_s = run["wall_s"] if run else None
     name = f"{MAIN}: {grasps} runs of a grasp, wall time"
     found = [Bar(name, wall_s, limit, "min", scale=1 / 60, published=about)]
-    shares = {engine: stable(tasks) for engine, tasks in engines_of(run).items()} if run else {}
+    shares = {engine: stable(tasks) for engine, tasks in engine_metrics(run).items()} if run else {}
     held = {
         f"{MAIN}: stable grasps in {engine}, of {n}, verified": k / n for engine, (k, n) in shares.items()
     }
@@ -164,20 +164,20 @@ def bars(result: Mapping[str, Any]) -> list[Bar]:
 
 
 def worst_law(run: Mapping[str, Any] | None) -> float | None:
-    """Of the laws of a winner's designs, the worst RMS as a share of the largest effort."""
+    """Return the largest RMS of the laws of a winner's designs, as a share of the largest effort."""
     laws = ((run or {}).get("verified") or {}).get("laws", ())
     return max((law["rmse_of_largest"] for law in laws if "rmse_of_largest" in law), default=None)
 
 
-def of_seeds(parts: list[dict[str, Any]]) -> dict[str, float]:
-    """Mean, standard deviation, lowest and highest score over seeds."""
+def seed_statistics(parts: list[dict[str, Any]]) -> dict[str, float]:
+    """Return mean, standard deviation, lowest and highest score over seeds."""
     scores = np.array([one["score"] for one in parts], float)
     sd = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
     return {"mean": float(scores.mean()), "sd": sd, "low": float(scores.min()), "high": float(scores.max())}
 
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
-    """For people: searches, grasps of every gripper, seeds, bars."""
+    """Yield lines to print: searches, grasps of every gripper, seeds, bars."""
     for name, run in result["runs"].items():
         stored = "; searched before, kernel timed now" if run["from_store"] else ""
         yield (
@@ -187,15 +187,15 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
         )
         yield from (f"{'':<10} note: {note}" for note in (run["verified"] or {}).get("notes", ()))
     for name, part in {"baseline": result["baseline"], **result["runs"]}.items():
-        for engine, tasks in engines_of(part).items() if part else ():
+        for engine, tasks in engine_metrics(part).items() if part else ():
             held, trials = stable(tasks)
             yield f"{name:<10} {engine}: {held}/{trials} stable, z_max {millimetres(rise_m(tasks), 1)}"
     for name, parts in result["seeds"].items():
         if parts:
-            found = of_seeds(parts)
+            found = seed_statistics(parts)
             yield (
                 f"{name:<10} {len(parts)} seeds of {parts[0]['simulations']} runs of a grasp: "
                 f"score {found['mean']:.3f} ± {number(found['sd'])} ({found['low']:.3f} to {found['high']:.3f})"
             )
     for one in result["bars"]:
-        yield str(Bar.of(one))
+        yield str(Bar.from_result(one))

@@ -7,9 +7,8 @@
     python -m benchmarks.studies.gripper_codesign --small            a taste of a minute, for CI; never touches docs
 
 The searches are the studies of examples/gripper_codesign (make.py there comes first: the table of its meta-model);
-`key=value` after the options changes them all. Finished parts stand in
-benchmarks/out/studies/gripper_codesign/NAME.json and are not repeated while their study says the same; one that was
-interrupted goes on from its journal in the store.
+`key=value` after the options changes them all. Finished parts are in benchmarks/out/studies/gripper_codesign/NAME.json
+and are not repeated while their study is unchanged; an interrupted one continues from its journal in the store.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.output import parser_of
+from benchmarks.output import make_parser
 from benchmarks.studies.command import (
     Asked,
     Given,
@@ -35,10 +34,10 @@ from benchmarks.studies.command import (
     Parts,
     arguments,
     conclude,
-    given_of,
-    made_of,
+    given_from_options,
     run_command,
     searched,
+    study_digest,
 )
 from benchmarks.studies.gripper_bars import (
     acting,
@@ -54,7 +53,7 @@ from benchmarks.studies.published import GRIPPER
 
 from pliant import api
 from pliant.config.study import Study
-from pliant.search.evaluate.evaluator import problem_of
+from pliant_search.evaluate.evaluator import build_search_problem
 
 NAME = "gripper_codesign"
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME
@@ -64,7 +63,7 @@ ASKED = (
     Asked("cmaes", "one gripper for all tasks, by CMA-ES", EXAMPLES / "cmaes.yaml"),
     Asked("optuna", "one gripper for all tasks, by Optuna's TPE", EXAMPLES / "optuna.yaml"),
 )
-# At a budget of its own, and with effects that the others have not: in no table over seeds. Its slopes, which cost
+# It has a separate budget and effects that the others lack: in no table over seeds. Its slopes, which cost
 # as much as the search, are on no page.
 ROBUST = Asked(
     "robust",
@@ -74,7 +73,7 @@ ROBUST = Asked(
 )
 FULL_SEEDS, SMALL_SEEDS = 5, 1
 SMALL_GRASPS, SMALL_SEED_GRASPS = 32, 8
-# What is found out about a winner costs more grasps than a short search has: fewer second tries, nothing else.
+# The evaluation of a winner costs more grasps than a short search has: only a few repetitions.
 SEED_CONFIRM = "search.confirm={best: 4, change: {task.trials: 10, task.seed: 500}}"
 SEED_CHANGES = ("search.verify=null", "search.sensitivity=false")
 OF_SEEDS = ("seed", "evaluations", "simulations", "failed", "wall_s", "reference_kernel_s", "from_store")
@@ -82,7 +81,7 @@ LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
 
 def main(given: Sequence[str] | None = None) -> None:
-    parser = arguments(parser_of(__doc__), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
+    parser = arguments(make_parser(__doc__), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
     )
@@ -91,7 +90,7 @@ def main(given: Sequence[str] | None = None) -> None:
         type=int,
         help="grasps of each search of that table; by default as many as the main ones",
     )
-    sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
+    sys.exit(run_command(lambda: study(given_from_options(parser.parse_args(given), NAME))))
 
 
 def study(given: Given) -> dict[str, Any]:
@@ -106,15 +105,15 @@ def study(given: Given) -> dict[str, Any]:
 
 
 def small() -> tuple[Asked, ...]:
-    """The three optimizers on the study that CI runs."""
+    """Return the three optimizers on the study that CI runs."""
     file = EXAMPLES / "small.yaml"
     return tuple(replace(one, file=file, overrides=(f"optimizer.kind={one.name}",)) for one in ASKED)
 
 
 def few(study: Study) -> Study:
-    """The study with its first and last task, and the variables with `only`; constraints, which name others, go.
+    """Return the study with its first and last task, and the variables with `only`; without constraints.
 
-    What a search finds out about its winner afterwards costs grasps for every variable and task; so there are few.
+    The evaluation of a search's winner costs grasps for every variable and task; so there are few.
     """
     search = study.need("search", "a small study")
     tasks = list(search.conditions)
@@ -127,8 +126,8 @@ def few(study: Study) -> Study:
 
 
 def candidates(opened: api.OpenStudy, grasps: int) -> int:
-    """The budget that makes so many grasps: an optimizer with contexts tries a candidate in one task only."""
-    config, optimizer = opened.study.need("search", "a study"), opened.study.optimizer
+    """Return the budget for a number of grasps: an optimizer with contexts tries a candidate in one task only."""
+    config, optimizer = opened.study.need("search", "a study"), opened.study.block("optimizer")
     component = opened.bench.registry.get("optimizer", optimizer.kind)
     one_each = component.implementation_class().capabilities.contexts
     return grasps if one_each else max(1, grasps // max(1, len(config.conditions)))
@@ -137,8 +136,8 @@ def candidates(opened: api.OpenStudy, grasps: int) -> int:
 def _opened(
     asked: Asked, given: Given, grasps: int | None, more: Sequence[str] = (), part: str = ""
 ) -> api.OpenStudy:
-    """The study of a part, by default the main one, with a budget of so many grasps; None: its own."""
-    store = given.store_of(part or asked.name)
+    """Open the study of a part, by default the main one, with a budget of `grasps`; None: that of the study."""
+    store = given.part_store(part or asked.name)
 
     def read(*budget: str) -> api.OpenStudy:
         found = asked.opened(store, (*more, *budget, *given.overrides), given.quiet)
@@ -153,7 +152,7 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)
-        acts = acting(problem_of(opened.bench, opened.study))
+        acts = acting(build_search_problem(opened.bench, opened.study))
         tasks = {"tasks": list(record.conditions), "acting": acts, "stable_tasks": stable_tasks(record)}
         return {**part, **tasks, "score": score(record), "policy": policy(record), "curve": curve(record)}
 
@@ -161,14 +160,14 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
 
 def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
-    """The gripper that the study starts from, in the same check as the winners."""
+    """Run the study's initial gripper in the same check as the winners."""
     opened = _opened(asked, given, None)
     make = partial(baseline, opened.bench, opened.study)
     return given.part(parts, BASELINE, opened.study, lambda: {"part": BASELINE, **make()})
 
 
 def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list[Part]]:
-    """Every optimizer at every seed, without the check of its winner; of a table, published ones are finished too."""
+    """Run every optimizer at every seed without the check of its winner; published runs count as finished."""
     count = given.seeds if given.seeds is not None else SMALL_SEEDS if given.small else FULL_SEEDS
     grasps = given.seed_grasps or (SMALL_SEED_GRASPS if given.small else None)
     if grasps is None and not given.wants(SEEDS):  # the budget of the searches in the published table
@@ -181,7 +180,7 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
             opened = _opened(one, given, grasps, more, SEEDS)
             name = f"seed_{one.name}_{seed}_{grasps or 'full'}"
             make = partial(_seed, one, opened, given.workers, name)
-            of = made_of(opened.study)
+            of = study_digest(opened.study)
             part = parts.known(name, of)
             if given.wants(SEEDS) and (part is None or parts.fresh):
                 part = parts.get(name, of, make)
@@ -190,7 +189,7 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
 
 
 def _seed(asked: Asked, opened: api.OpenStudy, workers: int | None, name: str) -> Part:
-    """What the table over seeds needs of a search."""
+    """Run a search; return its entries of the table over seeds."""
     part, record = searched(asked, opened, workers)
     found = {"score": score(record), "stable_tasks": stable_tasks(record), "curve": curve(record)}
     return {"part": name, **{key: part[key] for key in OF_SEEDS}, **found}
@@ -199,7 +198,7 @@ def _seed(asked: Asked, opened: api.OpenStudy, workers: int | None, name: str) -
 def assembled(
     runs: dict[str, Part], base: Part | None, seeds: dict[str, list[Part]], stated: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The `optimize` result of the main search, with all parts, what was to be reached, the published figures."""
+    """Return the `optimize` result of the main search, with all parts, targets and published figures."""
     short = {name: {k: v for k, v in part.items() if k not in LEFT_OUT} for name, part in runs.items()}
     whole: dict[str, Any] = {k: v for k, v in runs.get(MAIN, {}).items() if k != "made_of"}
     found = {**whole, **stated, "published": GRIPPER, "runs": short, "baseline": base, "seeds": seeds}

@@ -8,22 +8,23 @@ from typing import Any
 import numpy as np
 from benchmarks.pages import Result, Tables, table
 from benchmarks.studies import page
-from benchmarks.studies.gripper_bars import engines_of, of_seeds, rise_m, stable
+from benchmarks.studies.gripper_bars import engine_metrics, rise_m, seed_statistics, stable
 from benchmarks.studies.page import Pictures, clock, millimetres, number, percent
 from benchmarks.studies.published import SOURCE
 
+from pliant.report.chart_colours import SERIES, SOFT
 from pliant.report.figures import style
 
 Steps = tuple[Any, Any]
 WIDE_PX = 1560
 COLUMNS = 4
-EARLY = 0.1  # of the grasps: from there on the scores of all seeds are to be seen
+EARLY = 0.1  # of the grasps: from there on the scores of all seeds are visible
 
 
 def grasps_picture(result: Result) -> bytes | None:
-    """Per engine: stable grasps of the trials and z_max in every task, baseline and winners side by side."""
+    """Draw per engine: stable grasps of the trials and z_max in every task, baseline and winners together."""
     grippers = {"baseline": result["baseline"], **result["runs"]}
-    found = {name: engines_of(part) for name, part in grippers.items() if part and engines_of(part)}
+    found = {name: engine_metrics(part) for name, part in grippers.items() if part and engine_metrics(part)}
     engines = list(dict.fromkeys(engine for tasks in found.values() for engine in tasks))
     if not engines:
         return None
@@ -49,7 +50,7 @@ def _bars(axes: Any, found: dict[str, Any], engine: str, metric: str, scale: flo
         own = engines.get(engine, {})
         values = [scale * own[task][metric] if task in own else np.nan for task in tasks]
         at = np.arange(len(tasks)) + (place - (len(found) - 1) / 2) * width
-        colour = style.SOFT if name == "baseline" else style.SERIES[(place - 1) % len(style.SERIES)]
+        colour = SOFT if name == "baseline" else SERIES[(place - 1) % len(SERIES)]
         axes.bar(at, values, 0.92 * width, color=colour, label=name)
     axes.set_xticks(range(len(tasks)), tasks)
     axes.set_xlim(-0.6, len(tasks) - 0.4)
@@ -57,7 +58,7 @@ def _bars(axes: Any, found: dict[str, Any], engine: str, metric: str, scale: flo
 
 
 def policy_picture(result: Result) -> bytes | None:
-    """A panel per variable, a row per task: what the policy proposed in the last quarter of its search."""
+    """Draw a panel per variable, a row per task: proposals of the policy in the last quarter of its search."""
     tasks = result.get("policy") or {}
     variables = [v for v in result.get("variables", []) if any(v["name"] in own for own in tasks.values())]
     if not variables:
@@ -83,7 +84,7 @@ def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> Non
         values = scale * np.array(own.get(variable["name"], []), float)
         if not len(values):
             continue
-        colour = style.SERIES[row % len(style.SERIES)]
+        colour = SERIES[row % len(SERIES)]
         shift = np.random.default_rng(row).uniform(-0.22, 0.22, (2, len(values)))
         aside = 0.5 * shift[1] if variable["type"] == "integer" else 0.0
         axes.scatter(values + aside, row + shift[0], 8, color=colour, lw=0, alpha=0.5)
@@ -98,7 +99,7 @@ def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> Non
 
 
 def seeds_picture(result: Result) -> bytes | None:
-    """Score of the best so far against the grasps made: a panel per optimizer, a line per seed, and their median."""
+    """Draw the best score so far over the grasps: a panel per optimizer, a line per seed, and their median."""
     # Grasps made and the score since then, NaN before every task has one.
     drawn = {
         name: [tuple(np.array(part["curve"][key], float) for key in ("grasps", "score")) for part in parts]
@@ -109,7 +110,7 @@ def seeds_picture(result: Result) -> bytes | None:
         return None
     with style.canvas(WIDE_PX, 480) as figure:
         panels = figure.subplots(1, len(drawn), squeeze=False, sharex=True, sharey=True)[0]
-        for axes, (name, steps), colour in zip(panels, drawn.items(), style.SERIES, strict=False):
+        for axes, (name, steps), colour in zip(panels, drawn.items(), SERIES, strict=False):
             for grasps_made, scores in steps:
                 axes.plot(grasps_made, scores, drawstyle="steps-post", lw=0.9, alpha=0.6, color=colour)
             every = np.unique(np.concatenate([grasps_made for grasps_made, _ in steps]))
@@ -127,13 +128,13 @@ def seeds_picture(result: Result) -> bytes | None:
 
 
 def _at(steps: Steps, grasps_made: Any) -> Any:
-    """The score at some numbers of grasps."""
+    """Return the score at some numbers of grasps."""
     before = np.searchsorted(steps[0], grasps_made, side="right") - 1
     return np.where(before >= 0, steps[1][np.maximum(before, 0)], np.nan)
 
 
 def searches(result: Result) -> Iterator[str]:
-    """The three searches, and the published one below."""
+    """Return the three searches, and the published one below."""
     rows = []
     for name, run in result["runs"].items():
         stored = " (searched before; kernel timed later)" if run["from_store"] else ""
@@ -153,7 +154,7 @@ def searches(result: Result) -> Iterator[str]:
 
 
 def grasps(result: Result) -> Iterator[str]:
-    """Stable grasps of the check, baseline first."""
+    """Return stable grasps of the check, baseline first."""
     rows = []
     for name, engine, tasks, part in _checked(result):
         held, trials = stable(tasks)
@@ -165,7 +166,7 @@ def grasps(result: Result) -> Iterator[str]:
 
 
 def robust(result: Result) -> Iterator[str]:
-    """What it costs to be robust, where such a search has run."""
+    """Yield a table of the cost of robustness, if such a search has run."""
     found = (result["runs"].get("robust") or {}).get("robustness")
     if not found:
         return
@@ -179,17 +180,17 @@ def robust(result: Result) -> Iterator[str]:
 
 
 def by_task(result: Result) -> Iterator[str]:
-    """Stable grasps of every task."""
+    """Yield a table of stable grasps of every task."""
     columns = list(_checked(result))
     if not columns:
         return
     names = dict.fromkeys(task for _, _, tasks, _ in columns for task in tasks)
-    rows = ((task, *(_of_task(tasks.get(task)) for _, _, tasks, _ in columns)) for task in names)
+    rows = ((task, *(_task_text(tasks.get(task)) for _, _, tasks, _ in columns)) for task in names)
     yield from table(f"task | {' | '.join(f'`{name}`, {engine}' for name, engine, *_ in columns)}", rows)
 
 
 def laws(result: Result) -> Iterator[str]:
-    """What the laws of the searches missed of direct FEM of the winners."""
+    """Return a table of the errors of the searches' laws against direct FEM of the winners."""
     published = percent(result["published"]["law_rmse_of_largest"], 3)
     rows = page.laws(result, ("rmse_of_largest", "worst_of_largest", "rmse_of_range"))
     return table(
@@ -199,7 +200,7 @@ def laws(result: Result) -> Iterator[str]:
 
 
 def designs(result: Result) -> Iterator[str]:
-    """The winners' values; of a policy one column per task."""
+    """Return a table of the winners' values; of a policy one column per task."""
     units = {variable["name"]: variable["unit"] for variable in result["variables"]}
     columns = {"baseline": (result["baseline"] or {}).get("design", {})}
     for name, run in result["runs"].items():
@@ -210,13 +211,13 @@ def designs(result: Result) -> Iterator[str]:
 
 
 def seeds(result: Result) -> Iterator[str]:
-    """The optimizers at equal numbers of grasps."""
+    """Yield a table of the optimizers at equal numbers of grasps."""
     shown = {name: parts for name, parts in result["seeds"].items() if parts}
     if not shown:
         return
     rows = []
     for name, parts in shown.items():
-        found, grasped = of_seeds(parts), [one["simulations"] for one in parts]
+        found, grasped = seed_statistics(parts), [one["simulations"] for one in parts]
         counts = str(grasped[0]) if len(set(grasped)) == 1 else f"{min(grasped)} to {max(grasped)}"
         tasks, wall_s = (sum(one[key] for one in parts) / len(parts) for key in ("stable_tasks", "wall_s"))
         rows.append([
@@ -230,27 +231,27 @@ def seeds(result: Result) -> Iterator[str]:
 
 
 def _checked(result: Result) -> Iterator[tuple[str, str, dict[str, Any], dict[str, Any]]]:
-    """Gripper, engine, metrics by task, and the part that they are of, baseline first."""
+    """Yield gripper, engine, metrics by task, and their part, baseline first."""
     for name, part in {"baseline": result["baseline"], **result["runs"]}.items():
-        for engine, tasks in engines_of(part).items() if part else ():
+        for engine, tasks in engine_metrics(part).items() if part else ():
             yield name, engine, tasks, part
 
 
 def _when_found(run: Mapping[str, Any]) -> str:
-    """The score of designs that were tried again, as the search had seen them."""
+    """Return the score of repeated designs in the search."""
     tried = (one.get("objectives_before") for one in run["designs"])
     before = [next(iter(objectives.values())) for objectives in tried if objectives]
     return number(sum(before) / len(before)) if before else "–"
 
 
 def _acting(run: Mapping[str, Any], design: Mapping[str, Any]) -> list[str]:
-    """Variables that act in the tasks of a design."""
+    """Return variables that act in the tasks of a design."""
     acting: dict[str, list[str]] = run["acting"]
     tasks = [run["tasks"][design["context"]]] if design["context"] >= 0 else run["tasks"]
     return [name for name in design["values"] if any(name in acting[task] for task in tasks)]
 
 
-def _of_task(metrics: Mapping[str, float] | None) -> str:
+def _task_text(metrics: Mapping[str, float] | None) -> str:
     return "–" if metrics is None else "{}/{}".format(*stable({"": metrics}))
 
 

@@ -3,8 +3,8 @@
     <!-- study: NAME --> … <!-- end -->                    a table or picture of the page's module
     <!-- value: PATH FORM -->…<!-- end value -->           a number
 
-A PATH leads through the JSON by `/`; one that begins with `noted/` leads into NAME.noted.json, which holds numbers of
-runs whose files were not kept, each with what it is of and the commit.
+A PATH leads through the JSON by `/`; one that begins with `noted/` leads into NAME.noted.json, which contains numbers
+of runs whose files were not kept, each with its description and the commit.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ Pictures = Mapping[str, Callable[[Result], bytes | None]]
 
 
 def millimetres(value_m: float | None, digits: int = 2) -> str:
-    """1.23 mm; a dash for none."""
+    """Format as 1.23 mm; a dash for None."""
     return "–" if value_m is None else f"{1e3 * value_m:.{digits}f} mm"
 
 
 def percent(share: float | None, digits: int = 2) -> str:
-    """1.2 %; a dash for none."""
+    """Format as 1.2 %; a dash for None."""
     return "–" if share is None else f"{100 * share:.{digits}g} %"
 
 
 def clock(wall_s: float | None) -> str:
-    """A time of a suitable unit; a dash for none."""
+    """Format a time in a suitable unit; a dash for None."""
     if wall_s is None:
         return "–"
     if wall_s < 120:
@@ -50,7 +50,7 @@ def clock(wall_s: float | None) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A plain number; a dash for none and for what is no number."""
+    """Format a plain number; a dash for None and for other values."""
     return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"
 
 
@@ -66,7 +66,7 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
 
 
 def state(result: Result) -> Iterator[str]:
-    """On what a study ran, with which changes."""
+    """Yield the machine, versions and changes of a study's run."""
     here, changes = result["machine"], ", ".join(f"`{override}`" for override in result["overrides"])
     load = "" if here["load"] is None else f", load {here['load']:.1f} at the start"
     yield (
@@ -78,9 +78,9 @@ def state(result: Result) -> Iterator[str]:
 
 
 def reached(result: Result) -> Iterator[str]:
-    """What was to be reached."""
+    """Return a table of the targets and whether they were met."""
     verdicts = {None: "", True: "met", False: "**missed**"}
-    bars = [Bar.of(one) for one in result["bars"]]
+    bars = [Bar.from_result(one) for one in result["bars"]]
     return table(
         "what | to reach | reached | | published",
         (
@@ -94,7 +94,7 @@ def reached(result: Result) -> Iterator[str]:
 
 
 def laws(result: Result, keys: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Rows: what the laws of the searches missed of direct FEM of the winners, by these keys."""
+    """Yield rows of the errors of the searches' laws against direct FEM of the winners, by these keys."""
     for name, run in result["runs"].items():
         for law in (run["verified"] or {}).get("laws", ()):
             shares = (percent(law.get(key)) for key in keys)
@@ -102,7 +102,7 @@ def laws(result: Result, keys: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
 
 
 def values(columns: Mapping[str, Mapping[str, Any]], units: Mapping[str, str]) -> Iterator[str]:
-    """A row per variable, a column per design; `units` are SI."""
+    """Return a row per variable, a column per design; `units` are SI."""
 
     def shown(name: str, value: Any) -> str:
         unit = units.get(name, "")
@@ -116,7 +116,7 @@ def values(columns: Mapping[str, Mapping[str, Any]], units: Mapping[str, str]) -
 
 
 def shown_pictures(study: str, pictures: Pictures, words: Mapping[str, str]) -> Tables:
-    """Marks that show the pictures of a study, where there are any."""
+    """Return marks that show the pictures of a study, if there are any."""
 
     def shows(label: str) -> Callable[[Result], Iterable[str]]:
         link = f"![{words[label]}]({study}_{label}.png)"
@@ -126,7 +126,7 @@ def shown_pictures(study: str, pictures: Pictures, words: Mapping[str, str]) -> 
 
 
 def rendered(text: str, tables: Tables, result: Result) -> str:
-    """A page's text with its tables and numbers written anew. Raises `UserError`: there is none of that name."""
+    """Return a page's text with its tables and numbers updated. Raises `UserError` for an unknown name."""
     return VALUE.sub(
         lambda match: f"{match[1]}{_value(match[2], match[3], result)}{match[4]}",
         pages.rendered(text, MARK, tables, result),
@@ -134,13 +134,13 @@ def rendered(text: str, tables: Tables, result: Result) -> str:
 
 
 def with_noted(name: str, result: Result, docs: Path = DOCS) -> Result:
-    """The result with the numbers of NAME.noted.json, where a page has such."""
+    """Return the result with the numbers of NAME.noted.json, if a page has one."""
     file = docs / f"{name}.noted.json"
     return {**result, "noted": json.loads(file.read_text(encoding="utf-8"))} if file.exists() else result
 
 
 def _value(path: str, form: str, result: Result) -> str:
-    """A number of the JSON in words; a dash where a part has not run."""
+    """Format a number of the JSON; a dash if its part has not run."""
     found: Any = result
     for key in path.split("/"):
         found = found.get(key) if isinstance(found, Mapping) else None

@@ -28,7 +28,7 @@ GRIPPER: dict[str, Any] = {
     "our_estimates": {"wall_s": 30 * 3600.0},
 }
 
-# What is to be reached: m, s, shares, counts.
+# Targets: m, s, shares, counts.
 SHAPE_BARS = {
     "free": {"rmse_m": 1.5e-3, "e_max_m": 3e-3},
     "fixed": {"rmse_m": 3.5e-3, "e_max_m": 7e-3},

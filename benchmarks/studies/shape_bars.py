@@ -1,4 +1,4 @@
-"""What the shape-matching study is to reach, and its runs in lines and rows."""
+"""Targets of the shape-matching study, and its runs in lines and rows."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ TIMED = {
     "helix_generations": GENERATIONS,
     "free_roll_generations": GENERATIONS,
 }
-# Accuracy is asked of searches that go on; those of 60 evaluations for a structure are asked for their time, and stand
-# in the table of all. All are of the published problem: one supply.
+# Accuracy is required of long searches; those of 60 evaluations per structure have bars on their time and are listed in
+# the table of all. All are of the published problem: one supply.
 JUDGED = {
     "halving": "free",
     "integers": "free",
@@ -30,14 +30,14 @@ JUDGED = {
 
 
 def bars(runs: Runs) -> list[Bar]:
-    """Accuracy, agreement and time of the runs that the task names; those that are missing are not run."""
+    """Return bars on accuracy, agreement and time of the runs that the task names; missing ones are not run."""
     found, given = [], SHAPE["verified"]
     for name, roll in JUDGED.items():
         run = runs.get(name)
         for metric, words in METRICS.items():
             what, limit = f"{name}: {words}, verified", SHAPE_BARS[roll][metric]
             published = millimetres(given[metric]) if roll == "fixed" else ""
-            found.append(Bar(what, of_check(run, metric), limit, "mm", scale=1e3, published=published))
+            found.append(Bar(what, verified_metric(run, metric), limit, "mm", scale=1e3, published=published))
         what, published = (
             f"{name}: RMSE, verified against predicted",
             millimetres(given["rmse_m"] - SHAPE["rmse_m"]),
@@ -53,23 +53,23 @@ def bars(runs: Runs) -> list[Bar]:
     return found
 
 
-def of_check(
+def verified_metric(
     run: Mapping[str, Any] | None, metric: str, engine: str = "", what: str = "engines"
 ) -> float | None:
-    """A metric of the winner's check, in the study's engine by default; `what` may be `predicted`."""
+    """Return a metric of the winner's check, in the study's engine by default; `what` may be `predicted`."""
     check = (run or {}).get("verified") or {}
     value = check.get(what, {}).get(engine or (run or {}).get("engine", ""), {}).get(metric)
     return None if value is None else float(value)
 
 
 def apart(run: Mapping[str, Any] | None) -> float | None:
-    """How far the verified RMSE is from the predicted one."""
-    verified, predicted = of_check(run, "rmse_m"), of_check(run, "rmse_m", what="predicted")
+    """Return the difference of the verified and the predicted RMSE."""
+    verified, predicted = verified_metric(run, "rmse_m"), verified_metric(run, "rmse_m", what="predicted")
     return None if verified is None or predicted is None else abs(verified - predicted)
 
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
-    """For people: every run, what its law missed, the bars."""
+    """Yield lines to print: every run, the error of its law, the bars."""
     for name, run in result["runs"].items():
         kernels = f"{run['wall_in_kernels']:.0f} kernels of {1e3 * run['reference_kernel_s']:.0f} ms"
         stored = "; searched before, kernel timed now" if run["from_store"] else ""
@@ -86,14 +86,14 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
         for note in (run["verified"] or {}).get("notes", ()):
             yield f"{'':<22} note: {note}"
     for one in result["bars"]:
-        yield str(Bar.of(one))
+        yield str(Bar.from_result(one))
 
 
 def engines(run: Mapping[str, Any]) -> list[str]:
-    """The engines of a run's check, the study's own first."""
+    """Return the engines of a run's check, the study's own first."""
     check = run.get("verified") or {}
     return list(dict.fromkeys((*check.get("predicted", {}), *check.get("engines", {}))))
 
 
 def pair(run: Mapping[str, Any], engine: str, what: str) -> str:
-    return " / ".join(millimetres(of_check(run, metric, engine, what)) for metric in METRICS)
+    return " / ".join(millimetres(verified_metric(run, metric, engine, what)) for metric in METRICS)

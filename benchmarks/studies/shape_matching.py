@@ -6,8 +6,8 @@
     python -m benchmarks.studies.shape_matching --small            a taste of a minute, for CI; never touches docs
 
 The searches are the studies of examples/shape_matching; `key=value` after the options changes them all. Finished ones
-stand in benchmarks/out/studies/shape_matching/NAME.json and are not repeated while their study says the same; one that
-was interrupted goes on from its journal in the store.
+are in benchmarks/out/studies/shape_matching/NAME.json and are not repeated while their study is unchanged; an
+interrupted one continues from its journal in the store.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import parser_of
+from benchmarks.output import make_parser
 from benchmarks.studies.command import (
     MOST_POINTS,
     Asked,
@@ -34,7 +34,7 @@ from benchmarks.studies.command import (
     arguments,
     brief,
     conclude,
-    given_of,
+    given_from_options,
     run_command,
     searched,
     spread,
@@ -44,9 +44,9 @@ from benchmarks.studies.shape_bars import bars, lines
 
 from pliant import api
 from pliant.pipeline.study import simulate_study
-from pliant.records.search import SearchResult
-from pliant.search.evaluate.evaluator import problem_of
-from pliant.search.verify.direct_fem import direct_studies
+from pliant_search.evaluate.evaluator import build_search_problem
+from pliant_search.records import SearchResult
+from pliant_search.verify.direct_fem import direct_studies
 
 NAME = "shape_matching"
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME
@@ -87,13 +87,13 @@ ASKED = (
     ),
 )
 SMALL = (Asked(MAIN, "three structures of ten evaluations, roll fixed", EXAMPLES / "small.yaml"),)
-# Of the result's runs: what the page does not show.
+# Keys of the result's runs that the page does not show.
 LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "structures", "conditions")
 
 
 def main(given: Sequence[str] | None = None) -> None:
-    parser = arguments(parser_of(__doc__), [one.name for one in ASKED])  # fmt: skip
-    sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
+    parser = arguments(make_parser(__doc__), [one.name for one in ASKED])  # fmt: skip
+    sys.exit(run_command(lambda: study(given_from_options(parser.parse_args(given), NAME))))
 
 
 def study(given: Given) -> dict[str, Any]:
@@ -106,8 +106,8 @@ def study(given: Given) -> dict[str, Any]:
 
 
 def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
-    """A search's part; of one that is not wanted only what is there."""
-    opened = asked.opened(given.store_of(asked.name), given.overrides, given.quiet)
+    """Return a search's part; existing results only if it was not requested."""
+    opened = asked.opened(given.part_store(asked.name), given.overrides, given.quiet)
 
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)
@@ -117,7 +117,7 @@ def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
 
 def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str, Any]:
-    """The `optimize` result of the main search, with all runs, what was to be reached, and the published figures."""
+    """Return the `optimize` result of the main search, with all runs, targets and published figures."""
     runs = {
         name: {**{k: v for k, v in part.items() if k not in LEFT_OUT}, "units": _units(part)}
         for name, part in parts.items()
@@ -130,19 +130,19 @@ def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str,
 
 
 def _units(part: Part) -> dict[str, str]:
-    """Of the variables, as found by the search, or as a published part keeps them."""
+    """Return the units of the variables, from the search or from a published part."""
     return part.get("units") or {one["name"]: one["unit"] for one in part.get("variables", ())}
 
 
 def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:
-    """Backbone and target of the winner in the base's frame, x along the chain.
+    """Return backbone and target of the winner in the base's frame, x along the chain.
 
     Returns:
         `backbone_m`, `target_m`: (n, 3); `joints_m`: (k, 3); `laws`: "direct FEM", or "the search" where the check
         did not come to laws of FEM.
     """
     bench, study = opened.bench, opened.study
-    winner = problem_of(bench, study).apply(result.best[0].values, 0)
+    winner = build_search_problem(bench, study).apply(result.best[0].values, 0)
     winner = winner.model_copy(update={"cross_check": (), "uncertainty": None})
     engine, check = (study.physics.kind if study.physics else ""), result.verification
     solved = check is not None and engine in check.verified
@@ -161,7 +161,7 @@ def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:
 
 
 def structures(result: SearchResult) -> list[dict[str, Any]]:
-    """The best of every search of the study, best first: its structure, best objective, and best so far."""
+    """Return the best of every search of the study, best first: its structure, best objective, and best so far."""
     history, found = result.history, []
     for index, values in enumerate(result.branches):
         scores = history.objectives[history.branch == index, 0]

@@ -10,8 +10,9 @@ from benchmarks.pages import Result, Tables, table
 from benchmarks.studies import page
 from benchmarks.studies.page import Pictures, clock, millimetres
 from benchmarks.studies.published import SOURCE
-from benchmarks.studies.shape_bars import METRICS, apart, engines, of_check, pair
+from benchmarks.studies.shape_bars import METRICS, apart, engines, pair, verified_metric
 
+from pliant.report.chart_colours import INK, SERIES, WARN
 from pliant.report.figures import style
 
 PLANES = ((0, 1), (0, 2), (2, 1))
@@ -20,7 +21,7 @@ NAMED = 5
 
 
 def runs(result: Result) -> Iterator[str]:
-    """Every search, and the published figures below."""
+    """Return a table of every search, with the published figures below."""
     rows = []
     for name, run in result["runs"].items():
         own, others = run["engine"], [e for e in engines(run) if e != run["engine"]]
@@ -47,7 +48,7 @@ def runs(result: Result) -> Iterator[str]:
 
 
 def laws(result: Result) -> Iterator[str]:
-    """What the laws of the searches missed of direct FEM of the winners."""
+    """Return a table of the errors of the searches' laws against direct FEM of the winners."""
     return table(
         "search | design | FEM states | RMS, of the range | at worst | RMS, of the largest effort",
         page.laws(result, ("rmse_of_range", "worst_of_range", "rmse_of_largest")),
@@ -55,14 +56,14 @@ def laws(result: Result) -> Iterator[str]:
 
 
 def best(result: Result) -> Iterator[str]:
-    """The winners' values, one column per search."""
+    """Return the winners' values, one column per search."""
     shown = result["runs"]
     units = {name: unit for run in shown.values() for name, unit in run["units"].items()}
     return page.values({f"`{name}`": run["best"]["values"] for name, run in shown.items()}, units)
 
 
 def _outside(run: Mapping[str, Any], what: str) -> str:
-    count = of_check(run, "outside_domain", what=what)
+    count = verified_metric(run, "outside_domain", what=what)
     return "–" if count is None else f"{count:.0f}"
 
 
@@ -71,7 +72,7 @@ def _figures(figures: Mapping[str, Any]) -> str:
 
 
 def backbones(result: Result) -> bytes | None:
-    """A row per search, three projections in the base's frame, x along the chain."""
+    """Draw a row per search, three projections in the base's frame, x along the chain."""
     shown = [(name, run["lines"], run) for name, run in result["runs"].items() if run.get("lines")]
     if not shown:
         return None
@@ -87,19 +88,19 @@ def backbones(result: Result) -> bytes | None:
 
 
 def _projection(axes: Any, lines: dict[str, Any], plane: tuple[int, int]) -> None:
-    for label, colour, look in (("target", style.SERIES[1], "--"), ("backbone", style.SERIES[0], "-")):
+    for label, colour, look in (("target", SERIES[1], "--"), ("backbone", SERIES[0], "-")):
         points = 1e3 * np.array(lines[f"{label}_m"], float)
         axes.plot(points[:, plane[0]], points[:, plane[1]], look, color=colour, lw=2, label=label)
     joints = 1e3 * np.array(lines["joints_m"], float)
-    axes.plot(joints[:, plane[0]], joints[:, plane[1]], "o", ms=3, color=style.SERIES[0], label="joints")
-    axes.plot([0], [0], "s", ms=6, color=style.INK)
+    axes.plot(joints[:, plane[0]], joints[:, plane[1]], "o", ms=3, color=SERIES[0], label="joints")
+    axes.plot([0], [0], "s", ms=6, color=INK)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"{'xyz'[plane[0]]} of the base (mm)")
     axes.set_ylabel(f"{'xyz'[plane[1]]} of the base (mm)")
 
 
 def history(result: Result) -> bytes | None:
-    """Best so far of every structure of the main search; the winner's in front."""
+    """Draw the best so far of every structure of the main search; the winner's in front."""
     found = result.get("structures", [])
     if not found or not found[0]["values"]:
         return None
@@ -109,7 +110,7 @@ def history(result: Result) -> bytes | None:
             first = order == len(found) - 1
             values = [np.nan if value is None else 1e3 * value for value in one["best_so_far"]]
             axes.plot(
-                one["at"], values, drawstyle="steps-post", color=style.WARN if first else style.SERIES[0],
+                one["at"], values, drawstyle="steps-post", color=WARN if first else SERIES[0],
                 lw=2.4 if first else 0.8, alpha=1 if first else 0.45, label=f"winner, {structure(one)}" if first else
                 ("another structure" if order == 0 else None),
             )  # fmt: skip
@@ -125,7 +126,7 @@ def history(result: Result) -> bytes | None:
 
 
 def strip(result: Result) -> bytes | None:
-    """The best of every structure by its total number of modules; the first few are named."""
+    """Draw the best of every structure by its total number of modules; the first few are named."""
     found = result.get("structures", [])
     if not found or not found[0]["values"]:
         return None
@@ -135,8 +136,8 @@ def strip(result: Result) -> bytes | None:
         for column, modules in enumerate(totals):
             values = [1e3 * one["best"] for one in found if total(one) == modules]
             places = column + np.random.default_rng(modules).uniform(-0.16, 0.16, len(values))
-            axes.plot(places, values, "o", ms=5, alpha=0.7, color=style.SERIES[0], mew=0)
-            axes.plot([column - 0.25, column + 0.25], [np.median(values)] * 2, color=style.INK, lw=1.5)
+            axes.plot(places, values, "o", ms=5, alpha=0.7, color=SERIES[0], mew=0)
+            axes.plot([column - 0.25, column + 0.25], [np.median(values)] * 2, color=INK, lw=1.5)
         names = "\n".join(f"{structure(one)}   {1e3 * one['best']:.2f} mm" for one in found[:NAMED])
         axes.annotate(f"best:\n{names}", (1.01, 0.98), xycoords="axes fraction", va="top", linespacing=1.5)
         axes.set_xticks(range(len(totals)), [str(modules) for modules in totals])
@@ -150,12 +151,12 @@ def strip(result: Result) -> bytes | None:
 
 
 def structure(one: dict[str, Any]) -> str:
-    """Modules of the segments as text, 7-7-6-6."""
+    """Return modules of the segments as text, 7-7-6-6."""
     return "-".join(str(value) for value in one["values"].values())
 
 
 def total(one: dict[str, Any]) -> int:
-    """Modules of all segments."""
+    """Return modules of all segments."""
     return sum(int(value) for value in one["values"].values())
 
 

@@ -1,13 +1,13 @@
-"""Meta-models on designs left out, all kinds side by side: python -m benchmarks.surrogates.designs
+"""Comparison of all meta-models on left-out designs: python -m benchmarks.surrogates.designs
 
-    python -m benchmarks.surrogates.designs --only helical --kinds regression "coefficients, study's form"
+    python -m benchmarks.surrogates.designs --only helical --kinds regression "coefficients, published form"
 
 Fits every installed kind to examples/designs/{bending,helical,chambers}_grid.csv and scores torque and free angle of
 whole designs: left out of the grid in eight seeded parts (inside its range and on its border apart), between those
 of the grid (the test tables, which no fit sees), and on the designs that were fitted, as the published study scored
-its own. Of several chambers, the law that is fitted to each test design's own states stands beside: both at the states
-that it has not seen. Nine designs of three chambers and three between them have no table: their FEM, nine minutes of
-one processor, is solved when they are asked for, and kept in benchmarks/out. Writes benchmarks/out/designs_GRID.json.
+its own. For several chambers they are compared with the law fitted to each test design's states: both at left-out
+states. Nine designs of three chambers and three between them have no table: their FEM, nine minutes of one processor,
+is solved on request, and kept in benchmarks/out. Writes benchmarks/out/designs_GRID.json.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.families.several_chambers import OF_THREE
-from benchmarks.output import OUT, Bar, component, parser_of, registry, seconds_of, write
+from benchmarks.output import OUT, Bar, component, make_parser, registry, time_calls, write
 from benchmarks.surrogates.kinds import as_json, left_out, line, scored, table
 
 from pliant import api
@@ -35,7 +35,7 @@ CONTENDERS: dict[str, dict[str, Any]] = {
     "regression, kernel_ridge": {"kind": "regression", "regressor": "kernel_ridge"},
     "regression, polynomial": {"kind": "regression", "regressor": "polynomial"},
     "coefficients": {"kind": "coefficients"},
-    "coefficients, study's form": {"kind": "coefficients", "form": "study"},
+    "coefficients, published form": {"kind": "coefficients", "form": "study"},
     "neural": {"kind": "neural"},
 }
 MAIN = "regression"
@@ -52,7 +52,7 @@ FEM: dict[str, Any] = {
 
 
 def contest(grid: str, kinds: list[str] | None) -> None:
-    """All contenders on one grid."""
+    """Score all meta-models on one grid."""
     if grid == THREE:
         solved, test = (solved_three(name, sweep) for name, sweep in SWEEPS.items())
     else:
@@ -69,7 +69,7 @@ def contest(grid: str, kinds: list[str] | None) -> None:
 
 
 def solved_three(name: str, sweep: dict[str, list[str]]) -> SolvedDesigns:
-    """Designs of three chambers, by FEM where they are not solved yet."""
+    """Return designs of three chambers, solved by FEM if needed."""
     folder = OUT / THREE
     folder.mkdir(parents=True, exist_ok=True)
     study = {
@@ -87,7 +87,7 @@ def solved_three(name: str, sweep: dict[str, list[str]]) -> SolvedDesigns:
 
 
 def _beside_direct(solved: Any, test: Any) -> dict[str, Any]:
-    """Misses at check states of the test designs / torque range: of the meta-model, of laws fitted to each design."""
+    """Return errors at check states of the test designs / torque range, of the meta-model and of direct laws."""
     laws, direct = component("meta_model", MAIN).fit(solved).laws, component("surrogate", "polynomial")
     found: dict[str, list[Any]] = {"meta_model": [], "direct": []}
     for values, data in zip(test.values, test.data, strict=True):
@@ -117,7 +117,7 @@ def _contender(name: str, keys: dict[str, Any], solved: Any, test: Any) -> dict[
     try:
         fitted = model.fit(solved)
     except Exception as error:
-        # A kind that cannot do this grid says why; the others go on.
+        # A kind that cannot fit this grid reports the reason; the others continue.
         print(f"  {name:30} not fitted: {error}")
         return {"not_fitted": str(error)}
     wall_s = time.perf_counter() - started
@@ -125,7 +125,7 @@ def _contender(name: str, keys: dict[str, Any], solved: Any, test: Any) -> dict[
     groups["between the designs"] = scored(fitted.laws, test)
     groups["its own designs"] = scored(fitted.laws, solved)
     print(f"{name}: fitted in {wall_s:.1f} s")
-    rounds = seconds_of(lambda: [fitted.laws.law(values) for values in test.values], 10, time.perf_counter)
+    rounds = time_calls(lambda: [fitted.laws.law(values) for values in test.values], 10, time.perf_counter)
     law_s = sum(rounds) / (10 * len(test))
     for place, scores in groups.items():
         print(line(place, scores))
@@ -150,7 +150,7 @@ def _bars(grid: str, result: dict[str, Any]) -> list[Bar]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--only", choices=[*GRIDS, THREE])
     parser.add_argument("--kinds", nargs="*")
     asked = parser.parse_args()

@@ -1,16 +1,16 @@
-"""Data from elsewhere: the published COMSOL tables as laws, scored on states and on whole levels left out.
+"""Published COMSOL tables as laws, scored on left-out states and on left-out levels.
 
     python -m benchmarks.surrogates.elsewhere
 
 Reads ../shared/data/reference (skips where it is absent). Half-module angles are doubled. Held out are (i) a seeded
-fifth of the rows and (ii) whole inner levels of pressure or force: each level with a constrained branch by itself, the
-levels with a free point only in three interleaved groups. Misses are of the moment, as shares of its range over the
+fifth of the rows and (ii) whole inner levels of pressure or force: each level with a constrained branch separately, the
+levels with a free point only in three interleaved groups. Errors are of the moment, as shares of its range over the
 rows used.
 
 The tendon joint ends at stops: past u = −0.02 rad the moment rises five times as steeply, and the last free point
-(7.925 N) lies beyond a second one (`benchmarks.families.tendon_joint`). Four of its free points lie 4 to 10 mrad, up to
-1.3 % of the range, from where their own constrained branch leads. So it is scored on all rows, on the rows between the
-stops, and on the constrained rows between the stops.
+(7.925 N) is beyond a second one (`benchmarks.families.tendon_joint`). Four of its free points deviate by 4 to 10 mrad,
+up to 1.3 % of the range, from the limit of their constrained branch. Therefore it is scored on all rows, on the rows
+between the stops, and on the constrained rows between the stops.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Score:
-    """Misses of the states left out, in % of the moment's range, and how many of them lie in the 90 % band."""
+    """Errors of left-out states, in % of the moment's range, and their share in the 90 % band."""
 
     worst: float
     rms: float
@@ -51,7 +51,7 @@ class Score:
 
 
 def published(name: str) -> FemDataset:
-    """A reference table as data of one axis."""
+    """Return a reference table as data of one axis."""
     rows = reference_table(name)
     actuation = "pressure_pa" if "pressure_pa" in rows else "tendon_force_n"
     angle = 2 * rows["half_angle_rad"] if "half_angle_rad" in rows else rows["joint_angle_rad"]
@@ -64,14 +64,14 @@ def published(name: str) -> FemDataset:
 
 
 def fifth(data: FemDataset) -> Iterator[Mask]:
-    """A fifth of the states, drawn with a seed."""
+    """Yield a mask of a fifth of the states, drawn with a seed."""
     chosen = np.zeros(len(data), bool)
     chosen[np.random.default_rng(SEED).permutation(len(data))[: len(data) // 5]] = True
     yield chosen
 
 
 def levels(data: FemDataset) -> Iterator[Mask]:
-    """Each inner level with a constrained branch by itself; those with a free point only in interleaved groups."""
+    """Yield masks of inner levels with a constrained branch, and of groups of levels with a free point only."""
     values, counts = np.unique(data.actuation, return_counts=True)
     inner, many = values[1:-1], counts[1:-1] > 1
     for value in inner[many]:
@@ -108,7 +108,7 @@ def score(surrogate: Surrogate, data: FemDataset, left_out: Iterator[Mask]) -> S
 
 
 def cases() -> dict[str, FemDataset]:
-    """The tables and their parts."""
+    """Return the tables and their parts."""
     tendon = published(TENDON)
     between = (tendon.angle_rad > STOP_RAD) & (tendon.actuation <= FREE_TOP_N)
     return {

@@ -1,11 +1,11 @@
-"""How many designs are needed when each next one is chosen by expected gain: python -m benchmarks.surrogates.gain
+"""Number of designs needed if each one is chosen by expected gain: python -m benchmarks.surrogates.gain
 
     python -m benchmarks.surrogates.gain --only bending --seeds 10
 
 Starts from a few spread designs of the grid and adds one at a time: the one of the largest `DesignLaws.gain` over the
 range of designs, from the designs still unsolved. After every design the model is fitted again and scored on the test
-table, whose designs lie between those of the grid and are never fitted. Beside it random choice, designs far from each
-other, and the error of the full grid. The bar: the full grid's error with at most half its designs. Writes
+table, whose designs lie between those of the grid and are never fitted. Compared with random choice, designs far from
+each other, and the error of the full grid. The bar: the full grid's error with at most half its designs. Writes
 benchmarks/out/gain_GRID.json.
 """
 
@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from benchmarks.output import Bar, parser_of, write
-from benchmarks.surrogates.kinds import misses_of, table
+from benchmarks.output import Bar, make_parser, write
+from benchmarks.surrogates.kinds import design_misses, table
 from scipy.stats import qmc
 
 from pliant.interfaces.meta_model import DesignLaws
@@ -27,26 +27,26 @@ from pliant_plugins.meta_models.regression import Regression
 
 OVER = 256
 SEED = 0
-# Errors against the full grid's that are asked for.
+# Target errors relative to the full grid's.
 FACTORS = (1.0, 1.1, 1.5)
 
 
 def error(laws: DesignLaws, test: SolvedDesigns) -> float:
-    """Root mean square of the torque's miss on designs never seen, as a share of each design's range; all axes."""
-    misses = misses_of(laws, test)
+    """Return the RMS torque error on unseen designs, as a share of each design's range; all axes."""
+    misses = design_misses(laws, test)
     share = shares(misses)[misses.counts]
     return float(np.sqrt(np.nanmean(share**2)))
 
 
 def fitted(designs: SolvedDesigns, chosen: list[int]) -> DesignLaws:
-    """The model of the chosen designs."""
+    """Return the model of the chosen designs."""
     keep = np.zeros(len(designs), bool)
     keep[chosen] = True
     return Regression(RegressionConfig()).fit(designs.rows(keep)).laws
 
 
 def spread(designs: SolvedDesigns, count: int) -> list[int]:
-    """Designs far from each other: the one nearest to the middle, then each farthest from those chosen."""
+    """Return designs far from each other: the one nearest to the middle, then each farthest from those chosen."""
     places = (designs.values - designs.box[:, 0]) / designs.scale
     chosen = [int(np.argmin(np.sum((places - 0.5) ** 2, axis=1)))]
     while len(chosen) < count:
@@ -58,7 +58,7 @@ def spread(designs: SolvedDesigns, count: int) -> list[int]:
 def by_gain(
     designs: SolvedDesigns, test: SolvedDesigns, start: list[int], most: int
 ) -> list[tuple[int, float]]:
-    """(designs, error) as designs are added by expected gain over the family's range."""
+    """Return (designs, error) as designs are added by expected gain over the family's range."""
     over = _range(designs)
     chosen, curve = list(start), []
     while True:
@@ -73,7 +73,7 @@ def by_gain(
 
 
 def _range(designs: SolvedDesigns) -> Array:
-    """Designs over which the error is averaged: evenly over the hull of those that can be built."""
+    """Return designs over which the error is averaged: even over the hull of feasible ones."""
     points = qmc.scale(qmc.Sobol(len(designs.names), seed=SEED).random(OVER), *designs.box.T)
     places = (points - designs.box[:, 0]) / designs.scale
     grid = (designs.values - designs.box[:, 0]) / designs.scale
@@ -83,7 +83,7 @@ def _range(designs: SolvedDesigns) -> Array:
 
 
 def study(grid: str, seeds: int, counts: list[int]) -> None:
-    """Both curves of one grid."""
+    """Run both strategies on one grid."""
     solved, test = table(f"{grid}_grid"), table(f"{grid}_test")
     full = error(fitted(solved, list(range(len(solved)))), test)
     print(f"{grid}: full grid of {len(solved)} designs, {100 * full:.4f} % of range on {len(test)} others")
@@ -115,7 +115,7 @@ def study(grid: str, seeds: int, counts: list[int]) -> None:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--only", choices=["bending", "helical"])
     parser.add_argument("--seeds", type=int, default=10)
     asked = parser.parse_args()

@@ -17,9 +17,9 @@ from pliant.interfaces.surrogate import Surrogate
 from pliant.pipeline.meta_model.cross_validation import (
     LeftOutResiduals,
     Scores,
+    cross_validation_folds,
     misses_left_out,
-    parts_of,
-    scores_of,
+    scores_by_place,
 )
 from pliant.pipeline.meta_model.designs import from_table
 from pliant.records.law import LawRecord
@@ -38,7 +38,7 @@ FORMS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 def surrogate(name: str) -> Surrogate | None:
-    """The surrogate of one of `FORMS`; None where its kind is not installed."""
+    """Return the surrogate of one of `FORMS`; None if its kind is not installed."""
     kind, config = FORMS[name]
     try:
         return component("surrogate", kind, **config)
@@ -47,7 +47,7 @@ def surrogate(name: str) -> Surrogate | None:
 
 
 class Fitted(MetaModel):
-    """A model that is fitted already, for the scores of `cross_validation`: what is left out was never seen anyway."""
+    """A fitted model for the scores of `cross_validation`, whose left-out designs were never part of the fit."""
 
     def __init__(self, laws: DesignLaws) -> None:
         super().__init__(MetaModelConfig(kind="fitted"))
@@ -61,31 +61,31 @@ class Fitted(MetaModel):
 
 
 def table(name: str) -> SolvedDesigns:
-    """The designs of examples/designs/NAME.csv, e.g. `bending_grid`."""
+    """Return the designs of examples/designs/NAME.csv, e.g. `bending_grid`."""
     return from_table(TABLES / f"{name}.csv", FAMILIES[name.split("_")[0]]).designs
 
 
-def misses_of(laws: DesignLaws, designs: SolvedDesigns) -> LeftOutResiduals:
-    """What a fitted model misses on designs."""
+def design_misses(laws: DesignLaws, designs: SolvedDesigns) -> LeftOutResiduals:
+    """Return the residuals of a fitted model on designs."""
     with tempfile.TemporaryDirectory() as folder:
         whole = [np.arange(len(designs))]
         return misses_left_out(Fitted(laws), designs, whole, Path(folder), Silent())
 
 
 def scored(laws: DesignLaws, designs: SolvedDesigns) -> Scores:
-    """Scores of a fitted model on all of some designs."""
-    return scores_of(designs, misses_of(laws, designs))["all"]
+    """Return scores of a fitted model on all of some designs."""
+    return scores_by_place(designs, design_misses(laws, designs))["all"]
 
 
 def left_out(model: MetaModel, designs: SolvedDesigns, folds: int) -> dict[str, Scores]:
-    """Scores on the designs of each of some seeded parts, left out in turn."""
+    """Return scores on the designs of each of some seeded parts, left out in turn."""
     with tempfile.TemporaryDirectory() as folder:
-        parts = parts_of(designs, folds, model.fewest, stated=False)
-        return scores_of(designs, misses_left_out(model, designs, parts, Path(folder), Silent()))
+        parts = cross_validation_folds(designs, folds, model.fewest, stated=False)
+        return scores_by_place(designs, misses_left_out(model, designs, parts, Path(folder), Silent()))
 
 
 def line(name: str, scores: Scores) -> str:
-    """The scores as a printed row."""
+    """Return the scores as a printed row."""
     r2 = " ".join(f"{axis} {one.r2:.6f}" for axis, one in scores.axes.items())
     worst = " ".join(f"{100 * one.worst_of_range:.2f}" for one in scores.axes.values())
     # laws of several inputs have no one free angle
@@ -98,5 +98,5 @@ def line(name: str, scores: Scores) -> str:
 
 
 def as_json(scores: dict[str, Scores]) -> dict[str, Any]:
-    """The scores as JSON for benchmarks/out."""
+    """Return the scores as JSON for benchmarks/out."""
     return {place: one.as_values() for place, one in scores.items()}

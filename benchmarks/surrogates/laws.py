@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from benchmarks.output import Bar, parser_of, write
+from benchmarks.output import Bar, make_parser, write
 from benchmarks.surrogates.kinds import FORMS, TABLES, surrogate
 
 from pliant.errors import UserError
+from pliant.fem_tables.reading import read_designs_table, read_module_table
 from pliant.interfaces.surrogate import Surrogate
 from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
-from pliant.tabular.fem_reading import read_designs_table, read_module_table
 from pliant_plugins.surrogates.polynomial.states import split
 
 LEVELS = (0.5, 0.9, 0.99)
@@ -30,7 +30,7 @@ PUBLISHED = 0.0826
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--kinds", nargs="+", default=sorted({kind for kind, _ in FORMS.values()}))
     wanted = parser.parse_args().kinds
     reference = read_module_table(TABLES.parent / "data/bellow_bending.csv")
@@ -44,14 +44,14 @@ def main() -> None:
         if built is None:
             print(f"{name}: not installed, left out")
             continue
-        results[name] = of_kind(built, reference, grid)
+        results[name] = surrogate_figures(built, reference, grid)
         print(f"{name}\n{told(results[name])}")
     bars = promised(results.get("polynomial, adaptive"))
     write("surrogate_laws", results, bars)
 
 
-def of_kind(built: Surrogate, reference: ModuleData, grid: Sequence[ModuleData]) -> dict[str, Any]:
-    """Figures of one surrogate."""
+def surrogate_figures(built: Surrogate, reference: ModuleData, grid: Sequence[ModuleData]) -> dict[str, Any]:
+    """Return figures of one surrogate."""
     rows = [scored(built, design) for design in grid]
     fitted = [row for row in rows if "problem" not in row]
     problems = [row["problem"] for row in rows if "problem" in row]
@@ -68,7 +68,7 @@ def of_kind(built: Surrogate, reference: ModuleData, grid: Sequence[ModuleData])
 
 
 def scored(built: Surrogate, design: ModuleData) -> dict[str, Any]:
-    """Errors of one design's law on its check states and which of them are inside its bands."""
+    """Return errors of one design's law on its check states and which of them are inside its bands."""
     try:
         fitted = built.fit_module(design)
     except UserError as error:
@@ -86,7 +86,7 @@ def scored(built: Surrogate, design: ModuleData) -> dict[str, Any]:
 
 
 def inside_bands(law: JointLaw, p: np.ndarray, u: np.ndarray, tau: np.ndarray) -> list[list[bool]] | None:
-    """For each level, whether each state lies in the law's band; None where the law states no error."""
+    """Return, for each level, whether each state is within the law's band; None if the law has no error bar."""
     missed = np.abs(law.evaluate(p, u[:, None]).tau[:, 0] - tau)
     bands = [law.band(p, u[:, None], level) for level in LEVELS]
     return [(missed <= band[:, 0]).tolist() for band in bands if band is not None] or None
@@ -106,7 +106,7 @@ def shares(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def told(found: dict[str, Any]) -> str:
-    """The lines of one surrogate."""
+    """Return the lines of one surrogate."""
     one = found["reference"]
     reached = one.get("problem") or f"worst {100 * one['worst_of_range']:.3g} %, R² {one['r2']:.8f}"
     lines = [f"  reference design: {reached}"]
@@ -129,7 +129,7 @@ def told(found: dict[str, Any]) -> str:
 
 
 def promised(adaptive: dict[str, Any] | None) -> list[Bar]:
-    """The bars of the adaptive polynomial."""
+    """Return the bars of the adaptive polynomial."""
     if adaptive is None:
         return []
     covered = adaptive["judged_on"]["covered"]["0.9"]

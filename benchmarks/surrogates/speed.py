@@ -14,12 +14,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from benchmarks.output import Bar, ratio, seconds_of, write
+from benchmarks.output import Bar, ratio, time_calls, write
 from benchmarks.surrogates.kinds import TABLES, surrogate
 
+from pliant.fem_tables.reading import read_designs_table
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
-from pliant.tabular.fem_reading import read_designs_table
 from pliant_plugins.surrogates.continued import ContinuedLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
@@ -54,7 +54,7 @@ def main() -> None:
 
 
 def timed(name: str, law: JointLaw) -> dict[str, Any]:
-    """Million evaluations a second inside and around the box, with ratios to numpy; microseconds for few points."""
+    """Return million evaluations per second inside and around the box, ratios to numpy; µs for few points."""
     found: dict[str, Any] = {}
     for place, beyond in (("inside", 0.0), ("around", OUTSIDE)):
         p, u = points(law, beyond, POINTS)
@@ -85,7 +85,7 @@ def timed(name: str, law: JointLaw) -> dict[str, Any]:
 
 
 def points(law: JointLaw, beyond: float, count: int) -> tuple[Array, Array]:
-    """Random points of the box, made wider by a share of its width on each side."""
+    """Return random points of the box, widened by a share of its width on each side."""
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     spread = np.ptp(box, axis=1)
     low, high = box[:, 0] - beyond * spread, box[:, 1] + beyond * spread
@@ -94,9 +94,9 @@ def points(law: JointLaw, beyond: float, count: int) -> tuple[Array, Array]:
 
 
 def rounds(evaluate: Evaluate, p: Array, u: Array, count: int) -> list[float]:
-    """Seconds of each of `count` calls, after one that is not counted."""
+    """Return seconds of each of `count` calls, after one warm-up call."""
     evaluate(p, u)
-    return seconds_of(lambda: evaluate(p, u), count, time.perf_counter)
+    return time_calls(lambda: evaluate(p, u), count, time.perf_counter)
 
 
 def require_same(found: Effort, wanted: Effort) -> None:

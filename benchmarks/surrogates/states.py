@@ -1,4 +1,4 @@
-"""How few FEM states make a law of the reference bending module: python -m benchmarks.surrogates.states
+"""Number of FEM states needed for a law of the reference bending module: python -m benchmarks.surrogates.states
 
     python -m benchmarks.surrogates.states --skip-least-squares
 
@@ -6,10 +6,10 @@ States are chosen from the places of a grid before any is solved, once for each 
 of them are scored on scattered states, as shares of the effort's range. Estimators:
 
 - process: Π is a cubic plus a Gaussian process (`Cubic`), its lengths the likeliest for the k states;
-- process, lengths of others: lengths likeliest for every fourth design of examples/designs/bending_grid.csv, of which
-  this module is none;
-- polynomial, held back: all terms of Π, held back by the evidence of the k states (`posterior.prior_of`);
-- Polynomial: the surrogate as users have it, which may choose fewer terms instead and wants 6 states at least;
+- process, lengths of others: lengths likeliest for every fourth design of examples/designs/bending_grid.csv, which this
+  module is not part of;
+- polynomial, regularised: all terms of Π, with a prior chosen by the evidence of the k states (`posterior.prior_of`);
+- Polynomial: the surrogate in the product, which may choose fewer terms instead and needs at least 6 states;
 - least squares: sets of terms, chosen by states left out (a user can) and by the check states (the bound), with states
   chosen for each set apart (`states_least_squares`).
 
@@ -27,10 +27,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from benchmarks.output import OUT, Bar, parser_of, write
+from benchmarks.output import OUT, Bar, make_parser, write
 from benchmarks.surrogates.kinds import table
 from benchmarks.surrogates.states_least_squares import KINDS as BASELINE_KINDS
-from benchmarks.surrogates.states_least_squares import data_of, least_squares
+from benchmarks.surrogates.states_least_squares import least_squares, select_data
 from benchmarks.surrogates.truth import Truth, study_truth, truth
 from scipy.optimize import minimize
 
@@ -41,7 +41,7 @@ from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.fit import MORE_WITH_POTENTIAL
-from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior, all_terms, prior_of
+from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior, all_terms, fit_prior
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System, values_at
 
@@ -59,7 +59,7 @@ FAILED = 1e10
 
 
 def trend(orders: Orders) -> Orders:
-    """Powers of the cubic that observations of these derivatives see."""
+    """Return powers of the cubic that observations of these derivatives depend on."""
     full = [(i, j) for i in range(TREND_DEGREE + 1) for j in range(TREND_DEGREE + 1 - i)]
     return np.array([power for power in full if np.any(np.all(np.array(power) >= orders, axis=1))])
 
@@ -87,8 +87,8 @@ class Views:
     derivatives: dict[tuple[int, int], Array]
 
     @staticmethod
-    def of(states: Truth, scale: float) -> Views:
-        """Efforts over `scale`, Π over that and the half-width in u."""
+    def from_states(states: Truth, scale: float) -> Views:
+        """Scale efforts by `scale`, Π by that and the half-width in u."""
         half, centre = np.ptp(states.box, axis=1) / 2, states.box.mean(axis=1)
         places = (np.column_stack([states.actuation, states.angle_rad]) - centre) / half
         unit = scale * half[1]
@@ -104,17 +104,17 @@ class Views:
         )
 
     def rows(self, rows: Sequence[int]) -> Views:
-        """Some of the states."""
+        """Select some of the states."""
         return Views(self.places[rows], {key: column[rows] for key, column in self.derivatives.items()})
 
     def seen(self, rows: Sequence[int] | Array, orders: Orders) -> Array:
-        """What states observe, place by place."""
+        """Return the observations of states, place by place."""
         columns = [self.derivatives[int(a), int(b)][rows] for a, b in orders]
         return np.stack(columns, axis=1).ravel()
 
 
 def likeliest(designs: Sequence[Views], orders: Orders) -> Array:
-    """(2,) lengths that the states of all these designs make likeliest together."""
+    """Return the (2,) lengths with the highest joint likelihood for the states of all these designs."""
 
     def cost(logarithms: Array) -> float:
         lengths = np.exp(logarithms)
@@ -131,7 +131,7 @@ def likeliest(designs: Sequence[Views], orders: Orders) -> Array:
 
 
 def greedy(places: Array, orders: Orders, lengths: Array, count: int) -> list[int]:
-    """Places, each the one after which the mean variance of the effort over all of them is least.
+    """Return places, each the one with the least mean variance of the effort over all of them.
 
     The first ones, as many as the trend needs, are spread: each the farthest from those before.
     """
@@ -157,7 +157,7 @@ def _doubt(places: Array, orders: Orders, lengths: Array, goal: Array) -> float:
 
 
 def predicted(states: Views, rows: list[int], orders: Orders, lengths: Array) -> Array | None:
-    """(n,) scaled effort at all places from what the states `rows` observe; None where they do not fix the trend."""
+    """Return (n,) scaled effort at all places from observations at `rows`; None if the trend is undetermined."""
     if len(rows) * len(orders) <= len(trend(orders)) + 1:
         return None
     one = states.rows(rows)
@@ -173,43 +173,43 @@ VALUES_NUMBERS = (*NUMBERS, 24, 30)
 GOAL, ENOUGH = 1e-4, 8
 EVERY = 4
 DEGREE = 9
-# Choices of states beside the one shown: how much depends on it.
+# Further choices of states, for the sensitivity to the choice.
 BESIDE, VARIED = (6, 7, 8, 10), (0.8, 1.0, 1.25)
 BASELINE = {"left out": "least squares", "bound": "least squares, bound"}
 # RMS and worst on the scattered states, worst of all known states; by number of states.
 Curve = dict[int, tuple[float, ...]]
 
 
-def _views_of(data: ModuleData) -> Views:
+def _scaled_views(data: ModuleData) -> Views:
     good = np.isin(data.status, TRUSTED)
     u = data.deformation[good, 0]
     box = np.array([[0.0, data.actuation.max()], [u.min(), u.max()]])
     columns = (data.tau[good, 0], data.dtau_dp[good, 0], data.dtau_du[good, 0, 0])
     states = Truth(data.actuation[good], u, *columns, data.energy_j[good], data.travel[good], box, 0)
-    return Views.of(states, float(np.ptp(states.tau)))
+    return Views.from_states(states, float(np.ptp(states.tau)))
 
 
 def known_data(states: Truth, rows: Array, kind: str) -> ModuleData:
-    """States as data of a module that know no more than the kind says."""
-    data = data_of(states, rows, "slopes" in kind)
+    """Return states as data of a module, restricted to the quantities of the kind."""
+    data = select_data(states, rows, "slopes" in kind)
     return data if "energy" in kind else replace(data, travel=np.full(len(rows), np.nan))
 
 
 def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
-    """(n,) scaled efforts of the polynomial of all terms; None for a kind that it has no rows for."""
+    """Return (n,) scaled efforts of the polynomial of all terms; None for a kind without rows."""
     if kind == "values, slopes, travel":
         return None
     energy = "energy" in kind
     data = known_data(states, np.array(rows), kind).axis("y")
     system = System(data, Domain(states.box[0], states.box[1:]))
     terms = all_terms(DEGREE + energy * MORE_WITH_POTENTIAL, potential=energy)
-    posterior = CoefficientPosterior.of(system, terms, prior_of(system, terms))
-    x, v = Views.of(states, 1.0).places.T
+    posterior = CoefficientPosterior.from_system(system, terms, fit_prior(system, terms))
+    x, v = Views.from_states(states, 1.0).places.T
     return values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
 
 
 def component(states: Truth, rows: list[int], kind: str) -> Array | None:
-    """(n,) scaled efforts of `Polynomial`; None where it refuses the data, or for a kind that it has no rows for."""
+    """Return (n,) scaled efforts of `Polynomial`; None if it refuses the data, or for a kind without rows."""
     if kind == "values, slopes, travel":
         return None
     scattered = np.arange(states.grid, len(states.tau))
@@ -223,8 +223,8 @@ def component(states: Truth, rows: list[int], kind: str) -> Array | None:
 
 
 def curves(states: Truth, kind: str, others: Array) -> tuple[dict[str, Curve], list[int]]:
-    """Errors of each estimator by number of states, and the places in the order in which they are chosen."""
-    views, orders = Views.of(states, float(np.ptp(states.tau))), KINDS[kind]
+    """Return errors of each estimator by number of states, and the places in the order in which they are chosen."""
+    views, orders = Views.from_states(states, float(np.ptp(states.tau))), KINDS[kind]
     numbers = VALUES_NUMBERS if kind == "values" else NUMBERS
     order = greedy(views.places[: states.grid], orders, others, max(numbers))
     true = states.tau / np.ptp(states.tau)
@@ -253,8 +253,8 @@ def curves(states: Truth, kind: str, others: Array) -> tuple[dict[str, Curve], l
 
 
 def orders_beside(states: Truth, kind: str, others: Array) -> dict[int, list[float]]:
-    """RMS of the held-back polynomial by number of states, for choices made with lengths varied by a fifth."""
-    places, true = Views.of(states, 1.0).places[: states.grid], states.tau / np.ptp(states.tau)
+    """Return RMS of the regularised polynomial by number of states, for lengths varied by a fifth."""
+    places, true = Views.from_states(states, 1.0).places[: states.grid], states.tau / np.ptp(states.tau)
     found: dict[int, list[float]] = {number: [] for number in BESIDE}
     for factors in np.ndindex(3, 3):
         lengths = others * np.array([VARIED[k] for k in factors])
@@ -266,7 +266,7 @@ def orders_beside(states: Truth, kind: str, others: Array) -> dict[int, list[flo
 
 
 def baseline(states: Truth, kind: str) -> dict[str, Curve]:
-    """The curves of least squares."""
+    """Return the curves of least squares."""
     found = least_squares(states, kind)
     return {
         name: {number: row[key] for number, row in sorted(found.items()) if key in row}
@@ -275,7 +275,7 @@ def baseline(states: Truth, kind: str) -> dict[str, Curve]:
 
 
 def needed(curve: Curve, which: int, lasting: bool = True) -> float:
-    """The least number of states within the goal, if `lasting` with all larger ones; inf where none is."""
+    """Return the least number of states within the goal, if `lasting` with all larger ones; inf if none is."""
     good = [number for number, errors in curve.items() if errors[which] <= GOAL]
     if lasting:
         good = [number for number in good if all(m in good for m in curve if m >= number)]
@@ -283,7 +283,7 @@ def needed(curve: Curve, which: int, lasting: bool = True) -> float:
 
 
 def show(kind: str, found: dict[str, Curve]) -> None:
-    """One table: RMS / worst by number of states."""
+    """Print one table: RMS / worst by number of states."""
     print(f"\n  {kind}: RMS / worst on scattered states, worst of all known states")
     for name, curve in found.items():
         cells = [f"{k}: " + " / ".join(f"{error:.0e}" for error in errors) for k, errors in curve.items()]
@@ -296,10 +296,10 @@ def show(kind: str, found: dict[str, Curve]) -> None:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--skip-least-squares", action="store_true")
     options = parser.parse_args()
-    designs = [_views_of(data) for data in table("bending_grid").data[::EVERY]]  # of every fourth design
+    designs = [_scaled_views(data) for data in table("bending_grid").data[::EVERY]]  # of every fourth design
     lengths = {kind: likeliest(designs, orders) for kind, orders in KINDS.items()}
     print("lengths of other designs:", {kind: one.round(2).tolist() for kind, one in lengths.items()})
     results: dict[str, Any] = {"lengths": {kind: one.tolist() for kind, one in lengths.items()}}

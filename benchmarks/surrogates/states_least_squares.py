@@ -12,7 +12,7 @@ from benchmarks.surrogates.truth import Truth
 from pliant.records.design import Array, Design
 from pliant.records.fem import ModuleData
 from pliant.records.law import Domain
-from pliant_plugins.surrogates.polynomial.energy import Exponents, main_sets, terms_of
+from pliant_plugins.surrogates.polynomial.energy import Exponents, main_sets, merge_exponents
 from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem
 
 # Whether slopes, and travels and energies, are fitted.
@@ -26,8 +26,8 @@ MAX_DEGREE = 13
 RIDGE = 1e-6
 
 
-def data_of(states: Truth, rows: Array, slopes: bool) -> ModuleData:
-    """Chosen states as data of a module; without `slopes` those are unknown."""
+def select_data(states: Truth, rows: Array, slopes: bool) -> ModuleData:
+    """Return chosen states as data of a module; without `slopes` those are unknown."""
     n = len(rows)
     known = 1.0 if slopes else np.nan
     return ModuleData(
@@ -52,16 +52,16 @@ def data_of(states: Truth, rows: Array, slopes: bool) -> ModuleData:
     )
 
 
-def system_of(states: Truth, rows: Array, kind: str) -> EnergySystem:
-    """The linear system of these states."""
+def build_system(states: Truth, rows: Array, kind: str) -> EnergySystem:
+    """Return the linear system of these states."""
     slopes, energies = KINDS[kind]
     domain = Domain(states.box[0], states.box[1:])
-    return EnergySystem(data_of(states, rows, slopes), domain, np.array([np.ptp(states.tau)]), energies)
+    return EnergySystem(select_data(states, rows, slopes), domain, np.array([np.ptp(states.tau)]), energies)
 
 
 def order(states: Truth, kind: str, terms: Exponents, count: int) -> Array:
-    """Places of the grid, each the one that adds most to log det of the information (places only, no results)."""
-    matrix, _, state = system_of(states, np.arange(states.grid), kind).rows(terms)
+    """Return places of the grid, each with the largest gain of log det of the information (places only)."""
+    matrix, _, state = build_system(states, np.arange(states.grid), kind).rows(terms)
     matrix = matrix / np.linalg.norm(matrix, axis=0)
     blocks = np.stack([matrix[state == n] for n in range(states.grid)])
     inverse = np.eye(matrix.shape[1]) / RIDGE
@@ -80,7 +80,7 @@ def order(states: Truth, kind: str, terms: Exponents, count: int) -> Array:
 def misses(
     states: Truth, system: EnergySystem, terms: Exponents, check: Array
 ) -> tuple[float, float, float] | None:
-    """RMS and worst miss on the check states and RMS of states left out, as shares of the range; None: undetermined."""
+    """Return RMS and worst check error and leave-one-out RMS, as shares of the range; None: undetermined."""
     matrix, right, _ = system.rows(terms)
     if len(matrix) < len(terms):
         return None
@@ -96,15 +96,15 @@ def misses(
 
 
 def least_squares(states: Truth, kind: str) -> dict[int, dict[str, tuple[float, float]]]:
-    """(RMS, worst) on the check states by number of states: the sets by states left out, and the best possible."""
+    """Return (RMS, worst) on the check states by number of states: by cross-validation, and the best possible."""
     check = np.arange(states.grid, len(states.tau))
     result: dict[int, dict[str, tuple[float, float]]] = {}
     scores: dict[tuple[int, str], float] = {}
     for one in main_sets(MAX_DEGREE):
-        terms = terms_of([one], 1, 0, KINDS[kind][1])
+        terms = merge_exponents([one], 1, 0, KINDS[kind][1])
         places = order(states, kind, terms, max(NUMBERS))
         for number in NUMBERS:
-            found = misses(states, system_of(states, places[:number], kind), terms, check)
+            found = misses(states, build_system(states, places[:number], kind), terms, check)
             if found is None:
                 continue
             rms, worst, left_out = found

@@ -1,8 +1,8 @@
-"""Laws of three axes, coupled beside uncoupled, and of the tendon joint: python -m benchmarks.surrogates.three_axes
+"""Laws of three axes, coupled and uncoupled, and of the tendon joint: python -m benchmarks.surrogates.three_axes
 
 For every helical design of examples/designs and examples/data: R² and worst of the effort's range on trusted check
-states by axis, and on states that hold several axes, each left out of the fit in turn (they have no check role). Check
-states that mirror a fitted state tell nothing new and are not counted.
+states by axis, and on states with several axes deflected, each left out of the fit in turn (they have no check role).
+Check states that mirror a fitted state contain no new information and are not counted.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.output import REFERENCE, ROOT, Bar, seconds_of, write
+from benchmarks.output import REFERENCE, ROOT, Bar, time_calls, write
 
 from pliant.errors import UserError
+from pliant.fem_tables.reading import read_designs_table, read_module_table, read_table
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
-from pliant.tabular.fem_reading import read_designs_table, read_module_table, read_table
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.axes import AXES, fit_each
 from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges
@@ -34,7 +34,7 @@ Scores = dict[str, tuple[float, float]]
 
 
 def fresh(data: ModuleData) -> Mask:
-    """Trusted check states that are no mirror image of a fitted state."""
+    """Return trusted check states that are no mirror image of a fitted state."""
     at = np.column_stack([data.actuation / 1e6, np.abs(data.deformation[:, [0, 2]]), data.deformation[:, 1]])
     fitted = at[data.role == "fit"]
     apart = np.abs(at[:, None] - fitted[None]).max(axis=2).min(axis=1) > 1e-7
@@ -42,7 +42,7 @@ def fresh(data: ModuleData) -> Mask:
 
 
 def by_axis(law: JointLaw, data: ModuleData) -> Scores:
-    """(R², worst of range) of each axis on the check states that explore it."""
+    """Return (R², worst of range) of each axis on the check states that explore it."""
     missed, ranges = law.evaluate(data.actuation, data.deformation).tau - data.tau, effort_ranges(data)
     return {
         axis: _scores(missed[own, k], data.tau[own, k], ranges[k])
@@ -52,7 +52,7 @@ def by_axis(law: JointLaw, data: ModuleData) -> Scores:
 
 
 def several_held(law: JointLaw, data: ModuleData) -> float:
-    """Worst of range of a law that never saw them on states that hold several axes."""
+    """Return the worst of range of a law on unseen states with several deflected axes."""
     own = (data.explored == "coupling") & (data.role == "fit") & np.isin(data.status, TRUSTED)
     if not own.any():
         return float("nan")
@@ -101,7 +101,7 @@ def compare(name: str, data: ModuleData) -> dict[str, object]:
 
 
 def uncoupled(surrogate: Polynomial, data: ModuleData) -> JointLaw | None:
-    """Three laws by themselves; None where an axis has too few trusted states."""
+    """Fit three independent laws; return None if an axis has too few trusted states."""
     try:
         return fit_each(dict.fromkeys(AXES, surrogate), {a: data.axis(a) for a in AXES}).law
     except UserError:
@@ -109,12 +109,12 @@ def uncoupled(surrogate: Polynomial, data: ModuleData) -> JointLaw | None:
 
 
 def speed(law: JointLaw, n: int = 100_000) -> float:
-    """Million evaluations with slopes a second of processor time on one core, the best of five rounds."""
+    """Return million evaluations with slopes per second of processor time on one core, best of five rounds."""
     random, box = np.random.default_rng(0), law.domain
     p = random.uniform(*box.actuation, n)
     u = random.uniform(box.deformation[:, 0], box.deformation[:, 1], (n, len(law.axes)))
     law.evaluate(p, u)
-    return n / min(seconds_of(lambda: law.evaluate(p, u), 5)) / 1e6
+    return n / min(time_calls(lambda: law.evaluate(p, u), 5)) / 1e6
 
 
 def covered(results: list[dict[str, Any]]) -> tuple[float, int]:
@@ -156,7 +156,7 @@ def summary(what: str, results: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def tendon(path: Path) -> tuple[float, float]:
-    """(R², worst of range) of the tendon joint's law on states left out."""
+    """Return (R², worst of range) of the tendon joint's law on left-out states."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / path.name
         copy.write_text(path.read_text().replace("joint_angle_rad", "angle_rad"))
@@ -203,7 +203,7 @@ def main() -> None:
 
 
 def _left_out_y(one: Mapping[str, Any]) -> list[float]:
-    """RMS misses over the range of y's states left out, by the law that was chosen."""
+    """Return RMS errors over the range of y's left-out states, by the law that was chosen."""
     own = one["left_out"]["left_out_together" if one["form"] == "energy" else "left_out_apart"]
     return [own["y"]]
 

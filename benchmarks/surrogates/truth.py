@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from benchmarks.families.published_y import solver_of
+from benchmarks.families.published_y import make_solver
 from scipy.stats import qmc
 
 from pliant.records.design import Array
@@ -42,12 +42,12 @@ class Truth:
 
 
 def truth(out: Path) -> Truth:
-    """The states, solved where `out` does not hold them yet."""
+    """Return the states, solved if `out` does not contain them yet."""
     return _stored(out / "reference_module_states.json", SHARES, LEVELS, CHECKS)
 
 
 def study_truth(out: Path) -> Truth:
-    """The same for the study's box, u from 0 to the largest free angle: its own grid, the scattered states in it."""
+    """Return the truth on the study's box, u from 0 to the largest free angle: a separate grid and scattered states."""
     grid = _stored(out / "reference_module_study_states.json", STUDY_SHARES, STUDY_LEVELS, 0)
     whole = truth(out)
     scattered = np.arange(len(whole.tau)) >= whole.grid
@@ -67,7 +67,7 @@ def _stored(path: Path, shares: tuple[float, float], levels: tuple[int, int], ch
 
 def _solve(shares: tuple[float, float], levels: tuple[int, int], count: int) -> dict[str, object]:
     family = BellowBending(BellowBendingConfig.model_validate(FINGER))
-    solver = solver_of(family.problem(), MU_PA)
+    solver = make_solver(family.problem(), MU_PA)
     state, free = solver.rest(), []
     for pressure in np.linspace(0, PRESSURE_PA, 13)[1:]:
         state = solver.free(pressure, state)

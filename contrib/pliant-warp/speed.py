@@ -1,4 +1,4 @@
-"""4 096 fingers settled at once: the device against the compiled CPU, and how far they part.
+"""4 096 fingers settled at once: the device against the compiled CPU, and their difference.
 
     python contrib/pliant-warp/speed.py [--cases 4096] [--device auto]
 
@@ -14,13 +14,13 @@ import time
 
 import numpy as np
 from pliant_warp.backend import MujocoWarp
-from pliant_warp.batch import device_of
+from pliant_warp.batch import warp_device
 from pliant_warp.config import MujocoWarpConfig
 
 from pliant.interfaces.physics import Case, PhysicsBackend
 from pliant.records.rollout import Equilibrium, Inputs
 from pliant.registry.discovery import discover
-from pliant.testing.samples import PRESSURE_PA, sample_chain, softening_law, table_of
+from pliant.testing.samples import PRESSURE_PA, sample_chain, sample_table, softening_law
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
@@ -42,7 +42,7 @@ def main() -> None:
     reached = sum(one.converged for one in found)
     relaxed_s, steps = sum(one.wall_s for one in found), max(one.iterations for one in found)
     print(
-        f"{len(cases)} fingers of {MODULES} modules, {device_of(config)}: {device_s:.2f} s, {reached} converged; "
+        f"{len(cases)} fingers of {MODULES} modules, {warp_device(config)}: {device_s:.2f} s, {reached} converged; "
         f"{relaxed_s:.2f} s of it until they are at rest, in {steps} steps, the rest for the verdicts on the host"
     )
     print(f"compiled CPU, {os.cpu_count()} cores: {cpu_s:.2f} s; ratio {cpu_s / device_s:.2f}")
@@ -50,10 +50,10 @@ def main() -> None:
 
 
 def drawn(count: int) -> list[Case]:
-    """Fingers of a fitted law, which both engines have compiled, with pressures and pulls of their own each."""
+    """Return fingers of a fitted law, which both engines have compiled, each with its own pressure and pull."""
     rng, polynomial = np.random.default_rng(0), discover().get("surrogate", "polynomial")
     surrogate = polynomial.build(polynomial.config_model()(kind="polynomial"))
-    law = surrogate.fit(table_of(softening_law())).law
+    law = surrogate.fit(sample_table(softening_law())).law
     chains = [sample_chain(law, modules=MODULES, payload=0.004 * rng.random()) for _ in range(CHAINS)]
     cases = []
     for k in range(count):
@@ -64,7 +64,7 @@ def drawn(count: int) -> list[Case]:
 
 
 def timed(engine: PhysicsBackend, cases: list[Case]) -> tuple[float, tuple[Equilibrium, ...]]:
-    """Seconds of the second batch, and its equilibria."""
+    """Return seconds of the second batch, and its equilibria."""
     engine.settle_batch(cases)
     begun = time.perf_counter()
     found = engine.settle_batch(cases)

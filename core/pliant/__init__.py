@@ -7,30 +7,41 @@
     finger.compare()
     finger.diagnose()
 
-`open` reads a study, `read` measurement files, `fit` makes a joint law of a table.
+`open` reads a study, `read` measurement files. Without a file, `solve` gives FEM data, `fit` a joint law, `Chain` a
+robot, `Study` any study of blocks; `compare`, `diagnose` and `improve` take each of them.
 """
 
 import sys
 import warnings
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-__all__ = ["fit", "open", "read"]
+__all__ = ["Chain", "Study", "compare", "diagnose", "fit", "improve", "open", "read", "solve"]
+
+if TYPE_CHECKING:
+    from pliant.notebook.compose import Chain, compare, diagnose, improve, solve
+    from pliant.notebook.compose import ComposedStudy as Study
+    from pliant.notebook.study import fit, read
+    from pliant.notebook.study import open_study as open
+
+# Public names that are called otherwise where they stand.
+_NAMES = {"open": "open_study", "Study": "ComposedStudy"}
+_OF_STUDIES = ("fit", "open", "read")
 
 
 def register_environments() -> None:
     """Call the functions that packages name under the entry point `pliant` of the group `gymnasium.envs`.
 
-    Gymnasium asks nobody for them, so `import pliant` does. Each registers its environments with gymnasium. One that
-    fails is a RuntimeWarning, the others go on.
+    Gymnasium does not call them, so `import pliant` does. Each registers its environments with gymnasium. One that
+    fails gives a RuntimeWarning and does not stop the others.
     """
     from importlib.metadata import entry_points
 
     for entry in entry_points(group="gymnasium.envs", name="pliant"):
         try:
             entry.load()()
-        except Exception as error:  # another package's code may fail in any way
+        except Exception as error:  # another package's code may raise anything
             origin = entry.dist.name if entry.dist else entry.value
             warnings.warn(f"environments of {origin} are not there: {error}", RuntimeWarning, stacklevel=2)
 
@@ -41,11 +52,11 @@ if "gymnasium" in sys.modules:
 
 
 def __getattr__(name: str) -> Any:
-    """The functions of `__all__`, imported when they are first asked for: `import pliant` costs nothing."""
+    """Import the functions of `__all__` on first access, so that `import pliant` takes no time."""
     if name not in __all__:
         raise AttributeError(f"module 'pliant' has no attribute '{name}'")
-    study = import_module("pliant.notebook.study")
-    return getattr(study, "open_study" if name == "open" else name)
+    module = import_module("pliant.notebook.study" if name in _OF_STUDIES else "pliant.notebook.compose")
+    return getattr(module, _NAMES.get(name, name))
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,4 @@
-"""`python -m pliant` is the `pliant` command."""
+"""The entry point of `python -m pliant`, which is the `pliant` command."""
 
 from pliant.cli.app import main
 

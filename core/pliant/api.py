@@ -1,4 +1,4 @@
-"""The commands as functions, in the same words: for notebooks and scripts.
+"""The commands as functions of the same names, for notebooks and scripts.
 
     from pliant import api
 
@@ -7,7 +7,7 @@
     print(api.diagnose(finger).selected)
     print(api.improve(finger).steps[-1].locked.over_floor)
 
-Each returns the record that the command prints; nothing is written but the artifact store.
+Each returns the record that the command prints; only the artifact store is written.
 """
 
 from __future__ import annotations
@@ -20,11 +20,6 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pliant.calibration.calibration import calibrate as calibrate_with
-from pliant.calibration.law_of_runs import LawOfRuns
-from pliant.calibration.law_of_runs import law_of_runs as law_of_runs_with
-from pliant.calibration.reading import read_bench_data
-from pliant.calibration.result import Calibration
 from pliant.config.loading import load_study
 from pliant.config.problems import sentences
 from pliant.config.study import Study, varied
@@ -38,12 +33,15 @@ from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.counts import CountComparison, compare_counted, counted_study
-from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.evidence.prediction import Predictor, read_study_measurement
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
+from pliant.formatting import displayed_in
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.inverse.statics import InverseStatics
+from pliant.measurements.recording import read_recording
+from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
@@ -51,25 +49,26 @@ from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import (
     StudyRun,
+    build_study_laws,
     check_study,
-    fem_of_study,
-    laws_of_study,
-    physics_of_study,
     simulate_study,
+    solve_study_fem,
+    study_physics,
 )
 from pliant.pipeline.sweep import SweepRun, sweep_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
-from pliant.records.search import SearchResult
-from pliant.registry.discovery import discover
+from pliant.registry.discovery import discover, left_out
 from pliant.registry.files import with_files
-from pliant.report.importing import read as read
-from pliant.search.stage import search_study
+from pliant.registry.function import package_function
+from pliant.report.document import Document
+from pliant.report.importing import import_document
 from pliant.store.store import Artifact, ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
-# Measurement files, patterns for them or pandas frames, read together in their order, or what was read; None are those
+CALIBRATE = "pliant_calibrate"  # package of the calibrations
+# Measurement files, patterns or pandas frames, read together in their order, or a measurement; None for the files
 # that the study names.
 Data = Any
 
@@ -79,7 +78,7 @@ class OpenStudy:
     """A study with the plugins and the store that its stages need."""
 
     study: Study
-    bench: Workbench
+    bench: RunContext
 
 
 def open_study(
@@ -93,9 +92,9 @@ def open_study(
 
     Args:
         path: the YAML file.
-        overrides: as after the command, ``["physics.kind=mujoco"]``.
+        overrides: as on the command line, ``["physics.kind=mujoco"]``.
         store: folder of finished stages.
-        progress: told what happens; silent by default.
+        progress: receives the progress; silent by default.
 
     Raises:
         UserError: the file is missing or wrong; the message lists every problem.
@@ -106,19 +105,19 @@ def open_study(
     return OpenStudy(study, replace(bench, registry=registry, store=ArtifactStore(Path(store), study.name)))
 
 
-def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> Workbench:
-    """The installed plugins with a store, for what needs no study."""
-    return Workbench(discover(), ArtifactStore(Path(store)), progress or Silent())
+def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> RunContext:
+    """Return the installed plugins with a store, for functions that need no study."""
+    return RunContext(discover(), ArtifactStore(Path(store)), progress or Silent())
 
 
 def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SweepRun:
-    """The FEM data of all designs of the study's `sweep`: `pliant fem`.
+    """Solve the FEM data of all designs of the study's `sweep`: `pliant fem`.
 
     Args:
         opened: the study.
         executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
             the file of a dask scheduler.
-        workers: processes of our own instead; 1 solves in this process. By default the study's, or one for each CPU.
+        workers: local processes instead; 1 solves in this process. By default the study's, or one for each CPU.
 
     A script that starts processes needs `if __name__ == "__main__":`.
     """
@@ -127,7 +126,7 @@ def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = Non
 
 @dataclass(frozen=True, eq=False)
 class UnseenDesigns:
-    """A study's meta-model in hand.
+    """The fitted meta-model of a study.
 
     Attributes:
         opened: the study.
@@ -139,18 +138,18 @@ class UnseenDesigns:
 
     @property
     def scores(self) -> Mapping[str, Scores]:
-        """Errors on designs left out: all, interior, border."""
+        """Errors on held-out designs: all, interior, border."""
         return self.stage.scores
 
     def law(self, parameters: Mapping[str, Any] | None = None) -> JointLaw:
-        """The law of a design, with its error bar.
+        """Return the law of a design, with its error bar.
 
         Args:
             parameters: of the family, as a study writes them, ``{"average_radius": "7.2 mm"}``; the others are the
                 study's.
 
         Raises:
-            UserError: an impossible design, or one for which the model does not hold.
+            UserError: an impossible design, or one outside the model's domain.
         """
         study = self.opened.study
         family = study.need("family", "a meta-model")
@@ -162,29 +161,29 @@ class UnseenDesigns:
         return self.stage.law(self.stage.values(changed, study.material))  # type: ignore[arg-type]
 
     def next(self, count: int = 1) -> list[Proposal]:
-        """The designs that should be solved next, best first."""
+        """Return the designs to solve next, best first."""
         return designs_to_solve(self.opened.bench, self.opened.study, self.stage, count)
 
 
 def meta_model(opened: OpenStudy) -> UnseenDesigns:
-    """The study's meta-model, its designs solved first where they must be: `pliant fit`."""
+    """Return the study's meta-model, after solving its designs if necessary: `pliant fit`."""
     return UnseenDesigns(opened, meta_model_stage(opened.bench, opened.study))
 
 
 def fem(opened: OpenStudy) -> tuple[Artifact, ...]:
-    """The FEM data of each distinct design of the study: `pliant fem`."""
+    """Return the FEM data of each distinct design of the study: `pliant fem`."""
     opened.study.need("family", "FEM")
     check_study(opened.bench, opened.study)
-    return fem_of_study(opened.bench, opened.study)
+    return solve_study_fem(opened.bench, opened.study)
 
 
 def laws(opened: OpenStudy) -> tuple[DesignStages, ...]:
-    """Data and law of each distinct design of the study: `pliant fit`."""
-    return laws_of_study(opened.bench, opened.study)
+    """Return data and law of each distinct design of the study: `pliant fit`."""
+    return build_study_laws(opened.bench, opened.study)
 
 
 def simulate(opened: OpenStudy) -> StudyRun:
-    """All stages up to the study's task: `pliant simulate`."""
+    """Run all stages up to the study's task: `pliant simulate`."""
     return simulate_study(opened.bench, opened.study)
 
 
@@ -193,12 +192,13 @@ def inverse(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     samples: int | None = None,
 ) -> InverseStatics:
-    """Which actuations bring the robot where it should be: `solve` a target, follow a `path`, the `reachable` set.
+    """Return the inverse statics of the robot: `solve` a target, follow a `path`, compute the `reachable` set.
 
-    The task `reach` in a study does the same. The study's task gives its payload; effects of a chain are in place.
+    The task `reach` in a study does the same. The payload is that of the study's task; effects of the chain are
+    applied.
 
     Args:
-        opened: the study; its engine has gradients, or differences of settled states stand for them.
+        opened: the study; an engine without gradients is differentiated by differences of settled states.
         bounds: low and high of inputs in SI; by default the domain of the law.
         samples: equilibria of the reachable set to start from.
 
@@ -206,42 +206,52 @@ def inverse(
         UserError: a study without a chain, or an input without bounds.
     """
     chain = carried_chain(opened.bench, opened.study).chain
-    physics = physics_of_study(opened.bench, opened.study)
+    physics = study_physics(opened.bench, opened.study)
     backend: PhysicsBackend = opened.bench.build("physics", physics)
     return InverseStatics(backend.build(chain), bounds, samples)
 
 
-def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SearchResult:
-    """The study's search and the check of its winner: `pliant optimize`.
+def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> Any:
+    """Run the study's search and check the best design: `pliant optimize`; returns a `SearchResult`.
 
     Args:
-        opened: the study; it has `search`.
+        opened: a study with `search`.
         executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
             the file of a dask scheduler.
-        workers: processes of our own instead; 1 evaluates in this process. By default the study's, or one for each CPU.
+        workers: local processes instead; 1 evaluates in this process. By default the study's, or one for each CPU.
 
     Raises:
-        UserError: the study cannot be searched.
+        UserError: the study cannot be searched, or the package of searches is not installed.
         NotReachedError: the executor broke. A search without a feasible candidate has an empty `best`.
     """
-    result: SearchResult = search_study(opened.bench, opened.study, executor=executor, workers=workers).value
-    return result
+    return package_function("optimize", "pliant_search")(opened, executor=executor, workers=workers).record
+
+
+def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
+    """Read a recording without a study and document how it was understood: `pliant import`.
+
+    Raises:
+        UserError: see `read_recording`.
+    """
+    measurement, block = read_recording(files, notes)
+    with displayed_in(units_as_written(measurement)):
+        return measurement, import_document(measurement, block)
 
 
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
-    """The study's measurements, or other files read by the same settings, as one measurement in their order."""
+    """Read the study's measurements, or other files by the same settings, as one measurement in their order."""
     if isinstance(data, Measurement):
         return data
-    return measurement_of_study(opened.bench, opened.study, data)
+    return read_study_measurement(opened.bench, opened.study, data)
 
 
 def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
-    """The study's model, driven by the measured histories."""
-    return Predictor.of_study(opened.bench, opened.study, read_measurement(opened, data))
+    """Return the study's model, driven by the measured histories."""
+    return Predictor.from_study(opened.bench, opened.study, read_measurement(opened, data))
 
 
 def compare(opened: OpenStudy, data: Data = None) -> Comparison:
-    """Model against measurements: `pliant compare`."""
+    """Compare the model with measurements: `pliant compare`."""
     model = predictor(opened, data)
     return compare_model(model)[1]
 
@@ -249,23 +259,29 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
 def compare_counts(
     opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = None
 ) -> CountComparison:
-    """The study's task against a file of successes and trials: `pliant compare` on counts."""
+    """Compare the study's task with a file of successes and trials: `pliant compare` on counts."""
     counted = counted_study(opened.study, None if data is None else Path(data))
-    return compare_counted(opened.bench, counted, opened.study.who_works(workers, 1))
+    return compare_counted(opened.bench, counted, opened.study.resolve_workers(workers, 1))
 
 
 def diagnose(
     opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = None
 ) -> Diagnosis:
-    """Which physical effect is missing: `pliant diagnose`."""
+    """Diagnose which physical effect is missing: `pliant diagnose`."""
+    _warn_left_out(opened)
     model = predictor(opened, data)
     own = own_runs(opened.study, model.chain, model.measurement)
-    return diagnose_with(model, kinds=kinds, runs=own, workers=opened.study.who_works(workers, 1))
+    return diagnose_with(model, kinds=kinds, runs=own, workers=opened.study.resolve_workers(workers, 1))
+
+
+def _warn_left_out(opened: OpenStudy) -> None:
+    for failure in left_out(opened.bench.registry, ("effect",)):
+        warnings.warn(f"left out: {failure.sentence}", stacklevel=3)
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
-    """Effects fitted on top of the study's own, with their uncertainty: `pliant extend`."""
-    ground = Ground.of(opened.bench, opened.study, read_measurement(opened, data))
+    """Fit effects in addition to the study's own, with their uncertainty: `pliant extend`."""
+    ground = Ground.from_study(opened.bench, opened.study, read_measurement(opened, data))
     return extend_with(ground, opened.study.effects, kinds)
 
 
@@ -278,7 +294,8 @@ def improve(
     named_only: bool = False,
     workers: Workers = None,
 ) -> Improvement:
-    """The whole loop, with runs put aside: `pliant improve`; `learned`: with a learned term as its last step."""
+    """Run the whole loop with held-out runs: `pliant improve`; `learned` allows a learned term as its last step."""
+    _warn_left_out(opened)
     measurement = read_measurement(opened, data)
     return improve_with(
         opened.bench,
@@ -287,7 +304,7 @@ def improve(
         kinds=kinds,
         learned=learned,
         named_only=named_only,
-        workers=opened.study.who_works(workers, 1),
+        workers=opened.study.resolve_workers(workers, 1),
     )
 
 
@@ -297,11 +314,21 @@ def calibrate(
     *,
     test: str | None = None,
     fit: Sequence[str] | None = None,
-) -> Calibration:
-    """Constants of the study's material from a tensile test or a free curve: `pliant calibrate`."""
-    return calibrate_with(opened.bench, opened.study, read_bench_data(Path(data), test), fit)
+) -> Any:
+    """Fit constants of the study's material to a tensile test or a free curve: `pliant calibrate`.
+
+    Returns:
+        A `pliant_calibrate.result.Calibration`.
+    """
+    function = package_function("calibrate", CALIBRATE)
+    return function(opened.bench, opened.study, Path(data), test, fit)
 
 
-def law_of_runs(opened: OpenStudy, data: Data = None, *, held: Sequence[str] = ()) -> LawOfRuns:
-    """The coefficients of the study's stated law from measured runs, its effects in place."""
-    return law_of_runs_with(opened.bench, opened.study, read_measurement(opened, data), held=held)
+def fit_stated_law(opened: OpenStudy, data: Data = None, *, held: Sequence[str] = ()) -> Any:
+    """Fit the coefficients of the study's stated law to measured runs, with its effects applied.
+
+    Returns:
+        A `pliant_calibrate.stated_law_fit.LawOfRuns`.
+    """
+    function = package_function("fit_stated_law", CALIBRATE)
+    return function(opened.bench, opened.study, read_measurement(opened, data), held=held)

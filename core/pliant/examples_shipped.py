@@ -1,4 +1,4 @@
-"""Small studies with their data that ship with Pliant, and how they are written somewhere."""
+"""Small studies with their data that ship with Pliant, and functions that write them to a folder."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from importlib import resources
 from math import degrees
 from pathlib import Path
 
-# Name → folder of examples/, its files, and the verb that the first of them is for.
+# Name → folder of examples/, its files, and the verb that the first file is for.
 EXAMPLES = {
     "hidden-effect": ("hidden_effect", ("finger.yaml", "bench.csv"), "compare"),
     "german-lab": ("hidden_effect", ("finger.yaml", "bench.csv"), "compare"),
     "solver-table": ("elsewhere", ("bellow.csv",), "fit"),
     "first-finger": ("first_finger", ("finger.yaml", "loaded.yaml"), "run"),
 }
-# Column of a measurement → how a German lab calls it, and its unit there in one of ours.
+# Column of a measurement → its name in a German lab, and its unit there in one of ours.
 GERMAN = {
     "run": ("Messung", None),
     "specimen": ("Probe", None),
@@ -26,7 +26,7 @@ GERMAN = {
 
 
 def copy_example(name: str, target: Path) -> list[str]:
-    """Write the files of an example into a folder, over what is there; returns their names."""
+    """Write the files of an example into a folder, overwriting existing ones, and return their names."""
     folder, files, _ = EXAMPLES[name]
     installed = resources.files("pliant") / "examples"
     source = installed if installed.is_dir() else Path(__file__).parents[2] / "examples"
@@ -38,7 +38,7 @@ def copy_example(name: str, target: Path) -> list[str]:
 
 
 def german(table: str) -> bytes:
-    """A measurement as a German Excel writes it: semicolons, decimal commas, German names and units, Latin-1."""
+    """Return a measurement as a German Excel writes it: semicolons, decimal commas, German names and units, Latin-1."""
     header, *rows = [line.split(",") for line in table.splitlines() if not line.startswith("#")]
     columns = [GERMAN.get(name, (name, 1.0)) for name in header]
     lines = [";".join(name for name, _ in columns)]

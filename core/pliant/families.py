@@ -1,4 +1,4 @@
-"""What families are made with: the inequalities that a design keeps, and modules of which a quarter is solved."""
+"""Building blocks of families: the inequalities of a design, and modules of which a quarter is solved."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
 from pliant.units import quantities_in, split_unit
 
 LARGEST_M = 1.0
-ROUNDING = 1e-6  # sides that differ by this share of the larger are equal
+ROUNDING = 1e-6  # sides that differ by less than this share of the larger are equal
 OPPOSITE = {">": "≤", "≥": "<", "<": "≥", "≤": ">"}
 DIGITS = 6
-FAR_APART = 50  # times: lengths of one module are not so different
+FAR_APART = 50  # ratio of lengths above which a unit is suspected to be wrong
 UNITS = " (bare numbers are metres: were units forgotten?)"
 
 G = TypeVar("G")
@@ -39,7 +39,7 @@ class Need:
     """An inequality that a design keeps.
 
     Attributes:
-        words: as a user reads it, with one of > ≥ < ≤: ``height > floor + wall (room for the chamber)``.
+        words: the text shown to users, with one of > ≥ < ≤: ``height > floor + wall (room for the chamber)``.
         left: its left side, in SI.
         right: its right side.
         si: the SI unit of both.
@@ -52,7 +52,7 @@ class Need:
 
     @property
     def sign(self) -> str:
-        """The first of > ≥ < ≤ in its words; `ValueError` where there is none."""
+        """The first of > ≥ < ≤ in its words; `ValueError` without one."""
         found = re.search("[><≥≤]", self.words)
         if found is None:
             raise ValueError(f"the need '{self.words}' has none of the signs > ≥ < ≤")
@@ -60,7 +60,7 @@ class Need:
 
     @property
     def is_kept(self) -> bool:
-        """Whether it holds; sides that are equal but for rounding keep ≥ and ≤ alone."""
+        """Return whether the inequality is satisfied; sides that are equal up to rounding satisfy only ≥ and ≤."""
         room = self.left - self.right if self.sign in ">≥" else self.right - self.left
         rounding = ROUNDING * max(abs(self.left), abs(self.right))
         return room >= -rounding if self.sign in "≥≤" else room > rounding
@@ -79,18 +79,18 @@ class Need:
 
 
 def check_design(config: FamilyConfig, needs: Iterable[Need] = ()) -> None:
-    """Raise `InvalidDesignError`, with the inequality and by how much it is broken, unless the design can be.
+    """Raise `InvalidDesignError`, with the inequality and by how much it is broken, for an impossible design.
 
-    Every length of the config is above 0, or may be 0 where its field says `ge=0`, and no longer than a metre; then
-    come the family's own `needs`, each asked only where those before it are kept.
+    Every length of the config is above 0, or may be 0 where its field says `ge=0`, and no longer than a metre; then the
+    family's own `needs` are checked, each only where those before it are satisfied.
     """
-    for need in itertools.chain(_needs_of_lengths(config), needs):
+    for need in itertools.chain(_length_needs(config), needs):
         if not need.is_kept:
             raise InvalidDesignError(f"{config.kind} needs {need}.")
 
 
-def lengths_of(config: ComponentConfig) -> dict[str, tuple[float, bool]]:
-    """Lengths of a design by their fields, and whether each may be 0 (`ge=0`); those left out are none."""
+def design_lengths(config: ComponentConfig) -> dict[str, tuple[float, bool]]:
+    """Return the lengths of a design by field, and whether each may be 0 (`ge=0`); fields left out are omitted."""
     found = {}
     for field, info in type(config).model_fields.items():
         value = getattr(config, field)
@@ -100,21 +100,21 @@ def lengths_of(config: ComponentConfig) -> dict[str, tuple[float, bool]]:
     return found
 
 
-def _needs_of_lengths(config: FamilyConfig) -> Iterator[Need]:
-    lengths = {split_unit(field)[0]: found for field, found in lengths_of(config).items()}
+def _length_needs(config: FamilyConfig) -> Iterator[Need]:
+    lengths = {split_unit(field)[0]: found for field, found in design_lengths(config).items()}
     for name, (value, may_be_0) in lengths.items():
         yield Need(f"{name} {'≥' if may_be_0 else '>'} 0", value, 0.0)
     for name, (value, _) in lengths.items():
         yield Need(f"{name} ≤ 1 m", value, LARGEST_M)
 
 
-def geometry_of(config: FamilyConfig, geometry: type[G]) -> G:
-    """A dataclass of a design's geometry, its fields those of the config with their names."""
+def design_geometry(config: FamilyConfig, geometry: type[G]) -> G:
+    """Return a dataclass of a design's geometry, with the fields of the config of the same names."""
     return geometry(**{field.name: getattr(config, field.name) for field in fields(geometry)})  # type: ignore[arg-type]
 
 
 def half_cylinders(module_length_m: float, radius_m: float, height_m: float = 0.0) -> HalfShapes:
-    """A cylinder along x for each half of a module, its axis at a height above the joint."""
+    """Return a cylinder along x for each half of a module, its axis at a height above the joint."""
     quarter, along_x = module_length_m / 4, exp_map(np.array([0.0, np.pi / 2, 0.0]))
     start, end = (
         (Shape("cylinder", (radius_m, quarter), np.array([x, 0.0, height_m]), along_x),)
@@ -124,24 +124,24 @@ def half_cylinders(module_length_m: float, radius_m: float, height_m: float = 0.
 
 
 class QuarterModule(ActuatorFamily):
-    """A family whose modules are alike about x = 0 and about y = 0 and bend about y: a quarter of one is solved.
+    """A family whose modules are symmetric about x = 0 and y = 0 and bend about y: a quarter of one is solved.
 
-    A subclass gives `mesh` and, where more must hold than lengths above 0, `needs`. Its config has `module_length_m`.
-    It may override: `fixed`, what the node sets hold; `piece`, to say other fields of `ModuleProblem`, as
+    A subclass defines `mesh` and, for conditions besides lengths above 0, `needs`. Its config has `module_length_m`.
+    It may override: `fixed`, the constraints of the node sets; `piece`, to set other fields of `ModuleProblem`, as
     `return super().piece(mesh, reference_z_m=2e-3)`; class attributes of `ActuatorFamily`, such as `actuation` and
     `regions`; `shapes` and `surface`.
 
     Of the displacement v in the sections' frame, x is zero at both ends (`start`, `end`): sections there stay plane
-    and turn, as in the middle of a long chain. y is zero on the mirror plane (`symmetry`). `pin`, one node, holds z:
-    the module then has no rigid motion left, and nothing is stressed by it. The line at `reference_z_m` = 0, whose
-    strain is found with the rest, is the joint's.
+    and turn, as in the middle of a long chain. y is zero on the mirror plane (`symmetry`). `pin`, one node, fixes z:
+    this removes the last rigid motion without causing stress. The line at `reference_z_m` = 0, whose strain is solved
+    for too, is the joint's.
     """
 
-    # What of v is zero on which node sets; `module_sets` makes these.
+    # The components of v that are zero on each node set; `module_sets` makes these sets.
     fixed: ClassVar[Mapping[str, tuple[int, ...]]] = {
         "start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,),
     }  # fmt: skip
-    # Refinement of the mesh that is weighed and drawn: quadratic faces lie off circles by its fourth power.
+    # Refinement of the mesh for mass and drawing: quadratic faces deviate from circles by its fourth power.
     mass_refinement: ClassVar[int] = 1
 
     def __init__(self, config: FamilyConfig) -> None:
@@ -149,7 +149,7 @@ class QuarterModule(ActuatorFamily):
         check_design(config, self.needs())
 
     def needs(self) -> Iterable[Need]:
-        """What a design keeps beyond the signs of its lengths."""
+        """Return the inequalities of a design besides the signs of its lengths."""
         return ()
 
     @property
@@ -158,14 +158,14 @@ class QuarterModule(ActuatorFamily):
 
     @abstractmethod
     def mesh(self, refinement: int = 1) -> ModuleMesh:
-        """The quarter: x ∈ [0, l/2], y ≥ 0; `refinement` multiplies the elements along each edge."""
+        """Return the mesh of the quarter: x ∈ [0, l/2], y ≥ 0; `refinement` multiplies the elements along each edge."""
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's."""
+        """Return the problem of half a module, half its width: half the joint's angle, a quarter of the energy."""
         return self.piece(self.mesh(refinement))
 
     def piece(self, mesh: ModuleMesh, **other: Any) -> ModuleProblem:
-        """The quarter's boundary-value problem on a mesh; `other` fields of `ModuleProblem` take these values."""
+        """Return the quarter's boundary-value problem on a mesh; `other` sets further fields of `ModuleProblem`."""
         quarter: dict[str, Any] = {
             "span_m": self.module_length_m / 2,
             "reference_z_m": 0.0,
@@ -181,13 +181,13 @@ class QuarterModule(ActuatorFamily):
 
     @cached_property
     def solid(self) -> ModuleMesh:
-        """The mesh that is weighed and drawn."""
+        """Return the mesh for mass and drawing."""
         return self.mesh(self.mass_refinement)
 
     def surface(self) -> HalfSurfaces:
-        """The skin of the mesh, open at both ends as the modules are."""
+        """Return the surface of the mesh, open at both ends as the modules are."""
         return half_skins(self.solid)
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
+        """Return the masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
         return half_masses(self.solid, density_kg_m3, regions=regions)

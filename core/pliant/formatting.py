@@ -1,15 +1,15 @@
-"""SI numbers as people read them: numbers of a sensible length, quantities in display units, lists.
+"""Formatting of SI numbers for people: rounded numbers, quantities in display units, lists.
 
 `DISPLAY` decides in which unit each quantity is shown, on the terminal, on pages, in tables and in pictures:
-change it here and nowhere else. Who brings a file in mbar reads mbar: `displayed_in` puts the units of a file before
-`DISPLAY` for a block of code. JSON, CSV and study files do not go through this module.
+change it here and nowhere else. A file in mbar is reported in mbar: `displayed_in` gives the units of a file precedence
+over `DISPLAY` for a block of code. JSON, CSV and study files do not go through this module.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -17,6 +17,8 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 from pliant.units import split_unit
+from pliant_tables.wording import listed as listed
+from pliant_tables.wording import plural as plural
 
 
 @dataclass(frozen=True)
@@ -28,11 +30,11 @@ class Unit:
     word: str = ""
 
     def text(self, value: float, digits: int = 4) -> str:
-        """An SI value in this unit, e.g. ``15 kPa``."""
+        """Return an SI value in this unit, e.g. ``15 kPa``."""
         return self.attached(number(value * self.factor, digits))
 
     def attached(self, text: str) -> str:
-        """A text of numbers that are in this unit already, with the symbol: ``3 to 5 kPa``, ``12°``."""
+        """Return a text of numbers that are in this unit already, with the symbol: ``3 to 5 kPa``, ``12°``."""
         return f"{text}{'' if self.symbol == '°' else ' '}{self.symbol}".strip()
 
 
@@ -48,7 +50,7 @@ class NamedUnit(Unit):
         return f"{self.label} ({self.symbol})" if self.symbol else self.label
 
 
-# SI unit → the unit that people read. What does not stand here is shown in SI.
+# SI unit → display unit. Units that are not listed are shown in SI.
 DISPLAY = {
     "m": Unit("mm", 1e3),
     "Pa": Unit("kPa", 1e-3),
@@ -60,14 +62,16 @@ DISPLAY = {
     "strain": Unit("%", 100.0),
     "degC": Unit("°C"),
     "m^-1": Unit("1/m"),
+    "s^-1": Unit("1/s"),
+    "rad^-1": Unit("1/rad"),
     "K^-1": Unit("% per K", 100.0),
     "dimensionless": Unit(""),
     "1": Unit(""),
 }
-# Suffixes that only columns and outputs have; the fields of a study have those of `pliant.units` alone.
+# Suffixes of columns and outputs only; the fields of a study have those of `pliant.units` alone.
 OF_COLUMNS = {"_pa_s": "Pa/s", "_n_s": "N/s", "_m_s": "m/s", "_strain": "strain", "_c": "degC"}
-ROUNDING = 1e-20  # nothing that people read is this small
-LABELS = {"angle": "bend angle"}  # where the words of a column's name would not do
+ROUNDING = 1e-20  # no displayed number is this small
+LABELS = {"angle": "bend angle"}  # labels of columns whose name is not readable
 
 
 NO_UNITS: Mapping[str, Unit] = MappingProxyType({})
@@ -75,7 +79,7 @@ _displayed: ContextVar[Mapping[str, Unit]] = ContextVar("units of display", defa
 
 
 def displayed() -> Mapping[str, Unit]:
-    """The units that stand before `DISPLAY` here: names of columns, and SI units, → display unit."""
+    """Return the units that precede `DISPLAY` here: names of columns, and SI units, → display unit."""
     return _displayed.get()
 
 
@@ -83,12 +87,12 @@ def displayed() -> Mapping[str, Unit]:
 def displayed_in(units: Mapping[str, Unit]) -> Iterator[None]:
     """Show quantities in these units inside the block.
 
-    A context, because every sentence, table and picture asks `display_unit` or `unit_of` on its own: as a parameter
-    the units would go through a hundred functions that do not look at them. The block ends it, other threads do not
-    see it, and what is drawn later enters the units that its document keeps.
+    A context, because sentences, tables and pictures call `display_unit` or `output_unit`: as a parameter the units
+    would pass through a hundred functions that do not use them. The setting ends with the block and is not seen by
+    other threads; later drawing enters the units that its document keeps.
 
     Args:
-        units: names of columns (``angle_rad``) and SI units (``Pa``) → unit; a name goes before its SI unit.
+        units: names of columns (``angle_rad``) and SI units (``Pa``) → unit; a name precedes its SI unit.
     """
     token = _displayed.set(units)
     try:
@@ -98,7 +102,7 @@ def displayed_in(units: Mapping[str, Unit]) -> Iterator[None]:
 
 
 def display_unit(si: str) -> Unit:
-    """The display unit of an SI unit, rates included: kPa for Pa, kPa/s for Pa/s."""
+    """Return the display unit of an SI unit, rates included: kPa for Pa, kPa/s for Pa/s."""
     if (written := _displayed.get().get(si)) is not None:
         return written
     if si.endswith("/s") and si not in DISPLAY:
@@ -108,45 +112,45 @@ def display_unit(si: str) -> Unit:
 
 
 def named_unit(label: str, si: str = "") -> NamedUnit:
-    """The display unit of an SI unit, under this label."""
+    """Return the display unit of an SI unit with this label."""
     unit = display_unit(si)
     return NamedUnit(unit.symbol, unit.factor, label=label)
 
 
 def stem_and_unit(name: str) -> tuple[str, str]:
-    """The name of a column or an output without its unit, and that unit: ``pressure_pa_s`` → pressure, Pa/s."""
+    """Return the name of a column or an output without its unit, and that unit: ``pressure_pa_s`` → pressure, Pa/s."""
     suffix = next((suffix for suffix in OF_COLUMNS if name.endswith(suffix)), "")
     return (name.removesuffix(suffix), OF_COLUMNS[suffix]) if suffix else split_unit(name)
 
 
-def unit_of(name: str) -> NamedUnit:
-    """How a column or an output is shown, by its suffix: ``tip_x_m`` → "tip x" in mm."""
+def output_unit(name: str) -> NamedUnit:
+    """Return the display unit and label of a column or an output, by its suffix: ``tip_x_m`` → "tip x" in mm."""
     stem, si = stem_and_unit(name)
     words = re.sub(r"_+", " ", stem).strip()
     unit = _displayed.get().get(name) or display_unit(si)
     return NamedUnit(unit.symbol, unit.factor, label=LABELS.get(words, words))
 
 
-def unit_of_field(field: str) -> tuple[str, Unit]:
-    """A field's name without its unit, and its display unit: ``wall_m`` → wall, mm."""
+def field_stem_and_unit(field: str) -> tuple[str, Unit]:
+    """Return a field's name without its unit, and its display unit: ``wall_m`` → wall, mm."""
     stem, si = split_unit(field)
     return stem, display_unit(si)
 
 
 def quantity(value: Any, si: str = "", digits: int = 4) -> str:
-    """A value in this SI unit as people read it: ``7 mm``, ``0.12 mm``; words and switches as they are."""
+    """Return a value of this SI unit as text: ``7 mm``, ``0.12 mm``; words and switches are not changed."""
     if value is None or isinstance(value, str | bool):
         return str(value)
     return display_unit(si).text(float(value), digits)
 
 
 def quantities(values: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """Named values, each in its SI unit: ``n1 4, side 90°``."""
+    """Return named values, each in its SI unit: ``n1 4, side 90°``."""
     return ", ".join(f"{name} {quantity(value, units.get(name, ''))}" for name, value in values.items())
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """A number with `digits` significant digits, without trailing zeros; ``–`` where there is none."""
+    """Return a number with `digits` significant digits, without trailing zeros; ``–`` for None, NaN and infinity."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
     if isinstance(value, bool):
@@ -168,13 +172,13 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def fixed(value: float, decimals: int) -> str:
-    """A number with this many decimals."""
+    """Return a number with this many decimals."""
     text = f"{value:.{decimals}f}"
     return minus(text.lstrip("-") if float(text) == 0 else text)
 
 
-def decimals_of_sd(value: float, sd: float, digits: int = 2) -> int | None:
-    """Decimals at which the sd's last significant digit stands, those of four digits of the value without an sd."""
+def significant_decimals(value: float, sd: float, digits: int = 2) -> int | None:
+    """Return the decimals of the sd's last significant digit; without an sd those of four digits of the value."""
     size = sd if 0 < sd < math.inf else abs(value) * 1e-2
     if not 0 < size < math.inf:
         return None
@@ -182,13 +186,13 @@ def decimals_of_sd(value: float, sd: float, digits: int = 2) -> int | None:
 
 
 def rounded_to_sd(value: float, sd: float, digits: int = 2) -> str:
-    """A value to the last digit of its standard deviation: 0.20 where that is 0.012, since "0.2" would hide a digit."""
-    decimals = decimals_of_sd(value, sd, digits)
+    """Return a value to the last digit of its standard deviation: 0.20 for 0.012, since "0.2" would hide a digit."""
+    decimals = significant_decimals(value, sd, digits)
     return number(value, 3) if decimals is None else minus(f"{round(value, decimals):.{max(decimals, 0)}f}")
 
 
 def with_sd(value: float, sd: float, unit: Unit) -> str:
-    """An SI value ± its standard deviation in this unit: ``0.213 ± 0.004 kPa``."""
+    """Return an SI value ± its standard deviation in this unit: ``0.213 ± 0.004 kPa``."""
     value, sd = value * unit.factor, sd * unit.factor
     if not (math.isfinite(sd) and sd > 0):
         return unit.attached(number(value, 3))
@@ -198,7 +202,7 @@ def with_sd(value: float, sd: float, unit: Unit) -> str:
 
 
 def seconds(value: float) -> str:
-    """A duration: ``72.2 s``, ``14.0 ms``, ``3 min 20 s``."""
+    """Return a duration: ``72.2 s``, ``14.0 ms``, ``3 min 20 s``."""
     if value >= 120:
         return f"{int(value // 60)} min {value % 60:.0f} s"
     if value >= 0.1:
@@ -207,7 +211,7 @@ def seconds(value: float) -> str:
 
 
 def small_length(value_m: float) -> str:
-    """A distance in mm, µm or nm."""
+    """Return a distance in mm, µm or nm."""
     for name, factor in (("mm", 1e3), ("µm", 1e6), ("nm", 1e9)):
         if abs(value_m) * factor >= 1:
             return f"{number(value_m * factor, 2)} {name}"
@@ -215,38 +219,28 @@ def small_length(value_m: float) -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """A share as a percentage; what is below a millionth is said so."""
+    """Return a share as a percentage; "less than 0.0001 %" for a share below a millionth."""
     if math.isfinite(share) and 0 < abs(share) < 1e-6:
         return "less than 0.0001 %"
     return f"{number(100 * share, digits)} %"
 
 
 def whole_percent(share: float) -> str:
-    """A probability or a share of cases in whole percent; "less than 1 %" where it would read as nothing."""
+    """Return a probability or a share of cases in whole percent; "less than 1 %" where it would read as zero."""
     if 0 < share < 0.01:
         return "less than 1 %"
     return f"{100 * share:.0f} %"
 
 
-def listed(texts: Sequence[str]) -> str:
-    """The texts as an English list: ``a, b and c``."""
-    return " and ".join(filter(None, (", ".join(texts[:-1]), *texts[-1:])))
-
-
-def plural(count: int, noun: str) -> str:
-    """A count with its noun: ``1 row``, ``2 rows``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-def units_of_page(**kinds: str) -> str:
-    """The footer of a page: ``Lengths in mm, angles in degrees`` from ``lengths="m", angles="rad"``."""
+def units_footer(**kinds: str) -> str:
+    """Return the footer of a page: ``Lengths in mm, angles in degrees`` from ``lengths="m", angles="rad"``."""
     units = {word: display_unit(si) for word, si in kinds.items()}
     text = ", ".join(f"{word} in {unit.word or unit.symbol}" for word, unit in units.items())
     return text[:1].upper() + text[1:]
 
 
 def unbroken(text: str) -> str:
-    """The text without a line break between a number and its unit."""
+    """Return the text without line breaks between a number and its unit."""
     shown = (unit.symbol for unit in (*DISPLAY.values(), *displayed().values()))
     symbols = sorted({"%", "m", "µm", "nm", "N", *shown} - {""}, reverse=True)
     known = "|".join(map(re.escape, symbols))
@@ -254,16 +248,16 @@ def unbroken(text: str) -> str:
 
 
 def minus(text: str) -> str:
-    """The text with a typographic minus."""
+    """Return the text with a typographic minus."""
     return text.replace("-", "−")
 
 
 def actuation_unit(name: str) -> Unit:
-    """Display unit of an actuation such as ``pressure_pa``, numbered ones included."""
+    """Return the display unit of an actuation such as ``pressure_pa``, numbered ones included."""
     return display_unit("N" if name.endswith("_n") else "Pa")
 
 
-TRAVEL = "e"  # the axis of `records.law.EXTENSION`, which this room may not import
+TRAVEL = "e"  # the axis of `records.law.EXTENSION`, which this package may not import
 
 
 class Jointed(Protocol):
@@ -276,20 +270,20 @@ class Jointed(Protocol):
 
 
 def slides(law: Jointed, axis: str = "") -> bool:
-    """Whether a joint, or the named axis of one that turns and travels, is a travel."""
+    """Return whether a joint, or the named axis of one that turns and travels, is a translation."""
     return law.joint == "prismatic" or axis == TRAVEL
 
 
 def deformation_unit(law: Jointed, axis: str = "") -> Unit:
-    """Display unit of a joint coordinate; of a joint that turns and travels, of the named axis."""
+    """Return the display unit of a joint coordinate; for a joint that turns and travels, of the named axis."""
     return display_unit("m" if slides(law, axis) else "rad")
 
 
 def effort_unit(law: Jointed, axis: str = "") -> Unit:
-    """Display unit of a joint's effort; of a joint that turns and travels, of the named axis."""
+    """Return the display unit of a joint's effort; for a joint that turns and travels, of the named axis."""
     return display_unit("N" if slides(law, axis) else "N*m")
 
 
 def stress_unit(largest_pa: float) -> Unit:
-    """Display unit of stresses up to this one: that of pressures, or MPa."""
+    """Return the display unit of stresses up to this one: that of pressures, or MPa."""
     return Unit("MPa", 1e-6) if largest_pa >= 1e6 else display_unit("Pa")

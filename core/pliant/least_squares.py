@@ -19,7 +19,7 @@ LEAST_CURVATURE = 1e-9  # added to the diagonal of the normal matrix where the d
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A place: x (k,), residual (n,), the cost there, slopes (n, k) if they are known already."""
+    """A point: x (k,), residual (n,), the cost there, slopes (n, k) if they are known already."""
 
     x: Array
     residual: Array
@@ -31,26 +31,27 @@ class Problem(Protocol):
     """A nonlinear least-squares problem: residuals and cost at any point."""
 
     def point(self, x: Array) -> Point | None:
-        """Residuals and cost at x; None, or an infinite cost, where x makes no sense."""
+        """Return residuals and cost at x; None, or an infinite cost, for an inadmissible x."""
         ...
 
     def slopes(self, point: Point) -> Array | None:
-        """(n, k) slopes of the model at a point; None where they cannot be had."""
+        """Return (n, k) slopes of the model at a point; None where they are not available."""
         ...
 
 
 @dataclass(frozen=True)
 class Steps:
-    """How steps are damped, and when they end.
+    """Settings of the damping and of the stopping criteria.
 
     Attributes:
-        most: accepted steps at most.
-        tries: dampings at most for one step.
+        most: largest number of accepted steps.
+        tries: largest number of dampings for one step.
         harder, easier: factor and divisor of the damping after a refused and an accepted step.
         least_damping: the smallest.
         least_gain: an accepted step that lowers the cost by a smaller share of it is the last.
         least_step: a step no longer than this in any x is the last.
-        least_promise: a step that promises a smaller share of the cost is taken to first order, without the black box.
+        least_promise: a step whose predicted gain is a smaller share of the cost is taken to first order, without the
+            black box.
     """
 
     most: int
@@ -71,7 +72,7 @@ def descend(
     weights: Array | None = None,
     pulls: Array | None = None,
 ) -> tuple[Point, bool]:
-    """The nearest minimum from a point with known slopes, and whether steps had become small when it ended.
+    """Return the nearest minimum from a point with known slopes, and whether the steps had become small at the end.
 
     Args:
         problem: the residuals and their slopes.
@@ -79,7 +80,7 @@ def descend(
         steps: damping and ends.
         bounds: low and high (k,).
         weights: w (n,); 1 by default.
-        pulls: λ (k,) of a prior about x = 0; 0 by default. The problem's cost must hold them, too.
+        pulls: λ (k,) of a prior about x = 0; 0 by default. The problem's cost must include it.
     """
     low, high = bounds
     damping = FIRST_DAMPING
@@ -123,9 +124,9 @@ def descend(
 
 
 def _free_step(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array | None:
-    """The damped step among x that are not held by a bound that they push against; None where there is no number.
+    """Return the damped step of the x that are free or move off their bound; None if it is not finite.
 
-    A model that runs away has slopes whose squares overflow.
+    The squares of a diverging model's slopes overflow.
     """
     if not (np.isfinite(normal).all() and np.isfinite(gradient).all()):
         return None

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from pliant.formatting import named_unit
 from pliant.interfaces.effect import EffectConfig, Model
+from pliant.records.chain import Actuator
 from pliant.records.history import History
 from pliant.registry.discovery import Registry, discover
 from pliant.testing.effect_bench import run_readings
@@ -34,7 +35,7 @@ PASCALS_PER_NEWTON = 1500.0  # the sample law's, as a tendon of 10 N
 
 @dataclass(frozen=True)
 class Abscissa:
-    """What runs are drawn over: its name, its SI unit and its values in that unit."""
+    """The abscissa of a picture: its name, its SI unit and its values in that unit."""
 
     label: str
     si: str
@@ -43,6 +44,11 @@ class Abscissa:
 
 PRESSURE = Abscissa("pressure", "Pa", lambda history: history.actuation["pressure_pa"])
 TENSION = Abscissa("tendon force", "N", lambda history: history.actuation["tendon_force_n"])
+SECOND = Abscissa(
+    "pressure of the first less the second chamber",
+    "Pa",
+    lambda history: history.actuation["pressure_1_pa"] - history.actuation["pressure_2_pa"],
+)
 CLOCK = Abscissa("time", "s", lambda history: history.time_s)
 LOAD = Abscissa("load moment", "N*m", lambda history: history.moment_n_m)
 PITCH = Abscissa("pitch of the base", "rad", lambda history: history.base_angles_rad[:, 1])
@@ -50,9 +56,9 @@ PITCH = Abscissa("pitch of the base", "rad", lambda history: history.base_angles
 
 @dataclass(frozen=True)
 class Scene:
-    """The runs of one picture, what they are drawn over, and what to look at.
+    """The runs of one picture, their abscissa, and the feature to look at.
 
-    `reads` is the reading that is drawn, `name` its label and `note` what stands behind the label of the abscissa.
+    `reads` is the reading that is drawn, `name` its label and `note` the text after the label of the abscissa.
     """
 
     runs: Sequence[History]
@@ -67,23 +73,32 @@ class Scene:
 
 
 def ramps(levels: tuple[float, ...], rate: float, holds_s: float = 0.0, **more: Any) -> History:
-    """Pressure ramps through levels in kPa at a rate in kPa/s."""
+    """Return pressure ramps through levels in kPa at a rate in kPa/s."""
     time_s, value = triangles(levels, rate, min(0.1, 1.0 / rate), holds_s)
-    return History.of({"pressure_pa": KPA * value}, time_s, **more)
+    return History.from_arrays({"pressure_pa": KPA * value}, time_s, **more)
+
+
+def opposed(kpa: Sequence[float]) -> History:
+    """Return a cycle of the first of two opposed chambers, then the same of the second."""
+    there, none = KPA * np.asarray(kpa), np.zeros(len(kpa))
+    signals = {"pressure_1_pa": np.append(there, none), "pressure_2_pa": np.append(none, there)}
+    return History.from_arrays(signals, 0.5 * np.arange(2.0 * len(there)))
 
 
 def loads(pressure_kpa: float, temperature_c: float = 22.0) -> History:
-    """Loads up and down at constant pressure."""
+    """Return loads up and down at constant pressure."""
     moments = MNM * np.concatenate([np.linspace(0, 6, 25), np.linspace(6, -6, 49)])
-    return History.of({"pressure_pa": KPA * pressure_kpa}, moment_n_m=moments, temperature_c=temperature_c)
+    return History.from_arrays(
+        {"pressure_pa": KPA * pressure_kpa}, moment_n_m=moments, temperature_c=temperature_c
+    )
 
 
 def ramps_then_load() -> History:
-    """Up, hold, down, then a load on and off at constant pressure."""
+    """Return a ramp up, a hold, a ramp down, then a load on and off at constant pressure."""
     time_s, value = triangles((12.0, 5.0), 6.0, 0.05, holds_s=3.0)
     more = 0.05 * np.arange(1, 121)
     moment = np.where((more > 1.0) & (more < 4.0), 4 * MNM, 0.0)
-    return History.of(
+    return History.from_arrays(
         {"pressure_pa": KPA * np.append(value, np.full(120, 5.0))},
         np.append(time_s, time_s[-1] + more),
         moment_n_m=np.append(np.zeros(len(time_s)), moment),
@@ -91,26 +106,26 @@ def ramps_then_load() -> History:
 
 
 def closed_valve() -> History:
-    """Up, a hold, then the valve is closed for a minute."""
+    """Return a ramp up and a hold, then a valve closed for a minute."""
     time_s = 0.25 * np.arange(300)
     pressed = np.minimum(KPA * 4.0 * time_s, 12.0 * KPA)
-    return History.of({"pressure_pa": pressed}, time_s, valve_open=np.where(time_s < 15.0, 1.0, 0.0))
+    return History.from_arrays({"pressure_pa": pressed}, time_s, valve_open=np.where(time_s < 15.0, 1.0, 0.0))
 
 
 def step() -> History:
-    """A step of the pressure within a millisecond."""
+    """Return a step of the pressure within a millisecond."""
     time_s = 1e-3 * np.arange(601)
-    return History.of({"pressure_pa": np.where(time_s > 0.05, 8.0 * KPA, 0.0)}, time_s)
+    return History.from_arrays({"pressure_pa": np.where(time_s > 0.05, 8.0 * KPA, 0.0)}, time_s)
 
 
-def pulls() -> History:
-    """A tendon pulled to three levels and let go."""
-    time_s, force = triangles((3.0, 0.0, 6.0, 0.0, 9.0, 0.0), 1.0, 0.05)
-    return History.of({"tendon_force_n": force}, time_s)
+def pulls(*levels: float) -> History:
+    """Return a tendon pulled to these levels, N; to three and released by default."""
+    time_s, force = triangles(levels or (3.0, 0.0, 6.0, 0.0, 9.0, 0.0), 1.0, 0.05)
+    return History.from_arrays({"tendon_force_n": force}, time_s)
 
 
 def scenes() -> dict[str, Scene]:
-    """Kind → picture."""
+    """Return kind → picture."""
     turns = np.zeros((61, 3))
     turns[:, 1] = np.linspace(-np.pi / 2, np.pi / 2, 61)
     return {
@@ -166,7 +181,7 @@ def scenes() -> dict[str, Scene]:
             strength=0.12,
         ),
         "gravity_scale": Scene(
-            [History.of({"pressure_pa": np.full(61, 4e3)}, base_angles_rad=turns)],
+            [History.from_arrays({"pressure_pa": np.full(61, 4e3)}, base_angles_rad=turns)],
             PITCH,
             "the error turns with the base",
             modules=8,
@@ -226,7 +241,7 @@ def scenes() -> dict[str, Scene]:
             strength=0.06,
         ),
         "base_misalignment": Scene(
-            [History.of({"pressure_pa": np.zeros(61)}, base_angles_rad=turns)],
+            [History.from_arrays({"pressure_pa": np.zeros(61)}, base_angles_rad=turns)],
             PITCH,
             "the error is largest where the chain hangs",
             modules=8,
@@ -266,6 +281,26 @@ def scenes() -> dict[str, Scene]:
             modules=8,
             strength=1.5,
         ),
+        "gravity_error": Scene(
+            [ramps((12.0, 0.0), 2.0)],
+            PRESSURE,
+            "gravity acts across the chain, too",
+            modules=8,
+            values={"x_m_s2": 3.0},
+        ),
+        "tendon_slack": Scene(
+            [pulls(8.0, -8.0, 0.0)],
+            TENSION,
+            "the chain hardly bends where the tendon is paid out",
+            modules=8,
+        ),
+        "unequal_actuators": Scene(
+            [opposed(triangles((12.0, 0.0), 2.0, 0.5)[1])],
+            SECOND,
+            "right while the first chamber acts, too weak beyond",
+            modules=8,
+            values={"second": 0.8},
+        ),
         "load_error": Scene([loads(0.0), loads(10.0)], LOAD, "no error without a load", strength=1.4),
         "clock_offset": Scene(
             [ramps_then_load()], CLOCK, "late in all, and nothing is rounded", strength=0.5
@@ -289,12 +324,14 @@ def scenes() -> dict[str, Scene]:
 
 
 def drawn(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
-    """The scene's reading in SI units, as the sensors say it, in each run."""
+    """Return the scene's reading in SI units, as the sensors measure it, in each run."""
     law = softening_law()
     if "tendon_force_n" in scene.runs[0].actuation:
         gains = {"k_n": PASCALS_PER_NEWTON * law.k_n, "m_a": PASCALS_PER_NEWTON * law.m_a}
         law = replace(law, actuation_name="tendon_force_n", **gains)
     bare = sample_chain(law, modules=scene.modules, gravity=(0, 0, -9.81 if scene.modules > 1 else 0))
+    if "pressure_2_pa" in scene.runs[0].actuation:
+        bare = bare.with_(actuators=(Actuator("pressure_1_pa"), Actuator("pressure_2_pa", -1.0)))
     model = effect.apply(Model(bare)) if effect else Model(bare)
     component = registry.get("physics", "quasistatic")
     engine = component.build(component.config_model()(kind="quasistatic"))
@@ -304,7 +341,7 @@ def drawn(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
 
 
 def draw(registry: Registry, kind: str, scene: Scene) -> Figure:
-    """One picture."""
+    """Draw one picture."""
     component = registry.get("effect", kind)
     model = cast(type[EffectConfig], component.config_model())
     values = scene.values or component.smallest_block()

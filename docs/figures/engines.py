@@ -22,7 +22,7 @@ MARKERS = "os^Dv"
 
 
 def main() -> None:
-    """Both pictures."""
+    """Draw both pictures."""
     _scaling(_result("physics_scaling"))
     _ablation(_result("physics_ablation"))
 
@@ -36,7 +36,7 @@ def _result(name: str) -> dict[str, Any]:
 
 
 def _scaling(result: dict[str, Any]) -> None:
-    """Time to a settled helix over its modules, each line named at its end."""
+    """Draw the time to a settled helix over its modules, each line named at its end."""
     figure = Figure(figsize=(6.4, 3.6), layout="constrained")
     axes = figure.subplots()
     for kind, colour in COLOURS.items():
@@ -55,7 +55,7 @@ def _scaling(result: dict[str, Any]) -> None:
 
 
 def _ablation(result: dict[str, Any]) -> None:
-    """Distance from equilibrium after the 2 s run over the step size, one line per damping."""
+    """Draw the distance from equilibrium after the 2 s run over the step size, one line per damping."""
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     panels = (

@@ -31,7 +31,7 @@ Point = tuple[float, float]
 def dimension(
     ax: Axes, start: Point, end: Point, text: str, at: Point, feet: bool = True, **how: str
 ) -> None:
-    """A dimension line between two points, shifted so that it runs through `at`'s x or y, with its name at `at`."""
+    """Draw a dimension line between two points, shifted to `at`'s x or y, with its name at `at`."""
     flat = abs(start[1] - end[1]) < 1e-9
     a = (start[0], at[1]) if flat else (at[0], start[1])
     b = (end[0], at[1]) if flat else (at[0], end[1])
@@ -52,13 +52,13 @@ def dimension(
 
 
 def note(ax: Axes, text: str, at: Point, of: Point, color: str = DARK) -> None:
-    """A text with a thin line to what it names."""
+    """Draw a text with a thin line to the named part."""
     line = {"arrowstyle": "-", "color": color, "lw": 0.7, "shrinkA": 1, "shrinkB": 0}
     ax.annotate(text, of, at, arrowprops=line, color=color, fontsize=9, ha="center", va="center", zorder=7)
 
 
 def frame(ax: Axes, across: str, length: float) -> None:
-    """The module frame at the joint."""
+    """Draw the module frame at the joint."""
     for end, name in (((length, 0.0), across), ((0.0, length), "z")):
         ax.annotate("", end, (0, 0), arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.5}, zorder=8)
         ax.annotate(
@@ -75,7 +75,7 @@ def frame(ax: Axes, across: str, length: float) -> None:
 
 
 def wall(profile: BellowProfile, inner: float, outer: float) -> tuple[np.ndarray, np.ndarray]:
-    """x and radius around the wall's section between two offsets, from mid-trough to mid-trough."""
+    """Return x and radius around the wall's section between two offsets, from mid-trough to mid-trough."""
     arc, flank = np.linspace(0, np.pi / 2, 40), np.linspace(0, 1, 5)
 
     def half(depth: float) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +89,7 @@ def wall(profile: BellowProfile, inner: float, outer: float) -> tuple[np.ndarray
 
 
 def page(ax: Axes, x: Point, z: Point, title: str) -> None:
-    """An axes of even scale without frame."""
+    """Set equal scale, limits and title of the axes, and hide their frame."""
     ax.set_aspect("equal")
     ax.set_xlim(*x)
     ax.set_ylim(*z)
@@ -98,7 +98,7 @@ def page(ax: Axes, x: Point, z: Point, title: str) -> None:
 
 
 def sheet(widths: Point, height: float = 5.4) -> tuple[Figure, Axes, Axes]:
-    """Two drawings side by side, the lengthwise section first."""
+    """Return a figure and two axes side by side, the lengthwise section first."""
     figure = Figure(figsize=(11.5, height), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=widths)
@@ -106,7 +106,7 @@ def sheet(widths: Point, height: float = 5.4) -> tuple[Figure, Axes, Axes]:
 
 
 def tube_sections(ax: Axes, profile: BellowProfile, inner: float, outer: float, height: float) -> None:
-    """The wall seen along x: crest's and trough's circles."""
+    """Draw the wall seen along x: the circles of crest and trough."""
     crest, trough = profile.crest_radius_m, profile.inner_radius_m
     ax.add_patch(Circle((0, height), crest + outer, **SOFT))
     ax.add_patch(Circle((0, height), crest + inner, facecolor="white", edgecolor=BLUE, lw=0.8))
@@ -115,7 +115,7 @@ def tube_sections(ax: Axes, profile: BellowProfile, inner: float, outer: float, 
 
 
 def bellow(ax: Axes, profile: BellowProfile, inner: float, outer: float, height: float) -> None:
-    """The lengthwise section of a module with its axis."""
+    """Draw the lengthwise section of a module with its axis."""
     x, radius = wall(profile, inner, outer)
     for sign in (1, -1):
         ax.fill(x, height + sign * radius, **SOFT, zorder=3)

@@ -19,7 +19,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from pliant.formatting import named_unit, unit_of
+from pliant.formatting import named_unit, output_unit
 
 OUT = Path(__file__).parents[2] / "docs" / "pictures" / "fields.png"
 NEAR = 1e-9
@@ -28,7 +28,7 @@ STRESS = named_unit("von Mises stress", "Pa")
 
 
 def main(folder: Path) -> None:
-    """The free states above zero, side by side at one scale."""
+    """Draw the free states above zero, side by side at one scale."""
     with (folder / "states.csv").open(newline="") as file:
         rows = [r for r in csv.DictReader(file) if r["branch"] == "free"]
     states = [(row, _section(folder / row["file"])) for row in rows]
@@ -39,7 +39,9 @@ def main(folder: Path) -> None:
     panels = figure.subplots(1, len(states), sharex=True, sharey=True)
     for axes, (row, section) in zip(panels, states, strict=True):
         _draw(axes, section, norm)
-        values = ", ".join(unit_of(name).text(float(row[name]), 3) for name in ("pressure_pa", "angle_rad"))
+        values = ", ".join(
+            output_unit(name).text(float(row[name]), 3) for name in ("pressure_pa", "angle_rad")
+        )
         axes.set_title(values, fontsize=10)
     bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(panels), extend="max", fraction=0.025)
     bar.set_label(STRESS.axis)
@@ -47,7 +49,7 @@ def main(folder: Path) -> None:
 
 
 def _section(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Deformed points (n, 2), in mm, triangles and stress of the cells' faces in the plane y = 0."""
+    """Return deformed points (n, 2), in mm, triangles and stress of the cells' faces in the plane y = 0."""
     mesh = meshio.read(path)
     inside = np.abs(mesh.points[:, 1]) < NEAR
     points = 1e3 * (mesh.points + mesh.point_data["displacement_m"])[:, [0, 2]]
@@ -66,7 +68,7 @@ def _section(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _draw(axes: Any, section: tuple[np.ndarray, np.ndarray, np.ndarray], norm: Normalize) -> None:
-    """The section and its mirror image in x = 0."""
+    """Draw the section and its mirror image in x = 0."""
     points, triangles, stress = section
     for side in (1, -1):
         shape = Triangulation(side * points[:, 0], points[:, 1], triangles)

@@ -17,7 +17,7 @@ BLUE, ORANGE, GREY, DARK = "#0072B2", "#D55E00", "#9a9a9a", "#222222"
 def arrow(
     ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str, color: str = DARK
 ) -> None:
-    """An axis arrow with its name at the tip."""
+    """Draw an axis arrow with its name at the tip."""
     ax.add_patch(
         FancyArrowPatch(start, end, arrowstyle="-|>", mutation_scale=16, lw=1.8, color=color, zorder=5)
     )
@@ -34,8 +34,8 @@ def arrow(
     )
 
 
-def out_of_page(ax: Axes, at: tuple[float, float], text: str, into: bool, color: str = DARK) -> None:
-    """An axis that stands on the page."""
+def perpendicular_axis(ax: Axes, at: tuple[float, float], text: str, into: bool, color: str = DARK) -> None:
+    """Draw an axis perpendicular to the page."""
     ax.plot(*at, "o", ms=13, mfc="white", mec=color, mew=1.8, zorder=6)
     ax.plot(*at, "x" if into else ".", ms=7, color=color, mew=1.8, zorder=7)
     ax.annotate(
@@ -44,7 +44,7 @@ def out_of_page(ax: Axes, at: tuple[float, float], text: str, into: bool, color:
 
 
 def module(ax: Axes) -> None:
-    """Side view of one module in its own frame."""
+    """Draw the side view of one module in its own frame."""
     s = np.linspace(-1, 1, 200)
     top = 1.55 + 0.55 * np.cos(np.pi * s)
     ax.fill_between(s, 0.15, top, color=BLUE, alpha=0.15, lw=0)
@@ -54,7 +54,7 @@ def module(ax: Axes) -> None:
     ax.text(0.46, 0.8, "cavity,\npressure p", ha="center", va="center", fontsize=10, color=BLUE)
     arrow(ax, (0, 0), (1.75, 0), "x")
     arrow(ax, (0, 0), (0, 2.6), "z")
-    out_of_page(ax, (0, 0), "y", into=True)
+    perpendicular_axis(ax, (0, 0), "y", into=True)
     ax.annotate("", (-1, -0.75), (1, -0.75), arrowprops={"arrowstyle": "<->", "color": GREY})
     ax.text(0, -0.9, "module length l, joint in the middle", ha="center", va="top", fontsize=10, color=DARK)
     ax.annotate("toward the tip", (1.75, 0), xytext=(1.72, 0.3), fontsize=10, ha="center", color=GREY)
@@ -64,7 +64,7 @@ def module(ax: Axes) -> None:
 
 
 def bending(ax: Axes) -> None:
-    """Positive angle, effort and opposing moment at one joint."""
+    """Draw positive angle, effort and opposing moment at one joint."""
     u = 0.7
     half = np.array([[-1.4, 0], [0, 0]])
     child = np.array([[0, 0], [1.4 * np.cos(u), -1.4 * np.sin(u)]])
@@ -106,7 +106,7 @@ def bending(ax: Axes) -> None:
 
 
 def world(ax: Axes) -> None:
-    """The default base pose: the chain hangs and bends toward world +x."""
+    """Draw the default base pose: the chain hangs and bends toward world +x."""
     ax.fill_between([-1.0, 1.0], 0.0, 0.18, color=GREY, alpha=0.5, lw=0)
     ax.text(0, 0.3, "base", ha="center", fontsize=10)
     length, count, u = 0.5, 6, 0.22
@@ -127,7 +127,7 @@ def world(ax: Axes) -> None:
     origin = (1.5, -0.6)
     arrow(ax, origin, (origin[0] + 0.75, origin[1]), "X", ORANGE)
     arrow(ax, origin, (origin[0], origin[1] + 0.75), "Z", ORANGE)
-    out_of_page(ax, origin, "Y", into=True, color=ORANGE)
+    perpendicular_axis(ax, origin, "Y", into=True, color=ORANGE)
     ax.text(origin[0] + 0.35, origin[1] - 0.42, "world", color=ORANGE, fontsize=11, ha="center")
     ax.add_patch(
         FancyArrowPatch((-0.9, -1.6), (-0.9, -2.3), arrowstyle="-|>", mutation_scale=16, lw=1.8, color=DARK)

@@ -1,4 +1,4 @@
-"""Draw docs/pictures/evidence_loop.png: which command follows which. Run: python docs/figures/loop.py"""
+"""Draw docs/pictures/evidence_loop.png, the order of the commands. Run: python docs/figures/loop.py"""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 OUT = Path(__file__).parent.parent / "pictures" / "evidence_loop.png"
 BLUE, ORANGE, GREY, DARK = "#0072B2", "#D55E00", "#6a6a6a", "#222222"
 WIDTH, HEIGHT = 2.5, 0.95
-# Command or thing → centre, what it answers, colour of its box.
+# Command or thing → centre, the question that it answers, colour of its box.
 BOXES = {
     "your bench": ((0.0, 1.0), "a recording, as CSV", GREY),
     "compare": ((3.6, 1.0), "wrong beyond the noise?", BLUE),
@@ -24,7 +24,7 @@ BOXES = {
 
 
 def box(ax: Axes, name: str) -> None:
-    """A named box with what it answers."""
+    """Draw a named box with the question that it answers."""
     (x, y), text, color = BOXES[name]
     ax.add_patch(
         FancyBboxPatch(
@@ -52,7 +52,7 @@ def arrow(
     at: tuple[float, float],
     bend: float = 0.0,
 ) -> None:
-    """An arrow with the answer that takes one along it."""
+    """Draw an arrow with the answer that leads along it."""
     ax.add_patch(
         FancyArrowPatch(
             start,
@@ -84,7 +84,7 @@ def main() -> None:
     arrow(ax, (6.5, 1 - top), (4.4, -1.35 + top), "these data\ncannot tell", (5.45, -0.15))
     arrow(ax, (7.2, 1 - top), (7.2, -1.35 + top), "none", (7.6, -0.15))
     arrow(ax, (3.6 - side, -1.35), (0, 1 - top), "its file for the bench", (0.75, -0.75), bend=-0.25)
-    ax.text(10.8, -1.35, "improve walks compare, diagnose\nand extend by itself, and scores\non runs that it put aside",
+    ax.text(10.8, -1.35, "improve walks compare, diagnose\nand extend by itself, and scores\non runs that it held out",
             ha="center", va="center", fontsize=9.5, color=GREY)  # fmt: skip
     ax.set(xlim=(-1.6, 12.4), ylim=(-2.15, 2.85), aspect="equal")
     ax.axis("off")

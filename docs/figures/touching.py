@@ -1,4 +1,4 @@
-"""Draw docs/pictures/touching.png: a bellow bent back, its folds through each other and held.
+"""Draw docs/pictures/touching.png: a bellow bent back, with and without contact of its folds.
 
 Run: python docs/figures/touching.py
 """
@@ -27,7 +27,7 @@ HOW = {"pass": ("self_contact: pass", "#D55E00"), "solve": ("self_contact: solve
 
 
 def solved(how: str) -> tuple[SkfemSolver, list[FemState]]:
-    """The module bent back step by step, without pressure."""
+    """Return the solver and the states of the module bent back step by step, without pressure."""
     problem = BellowBending(BellowBendingConfig.model_validate(LENGTHS)).problem()
     config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "self_contact": how})
     here = Skfem(config).solver(problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=240e3)))
@@ -38,7 +38,7 @@ def solved(how: str) -> tuple[SkfemSolver, list[FemState]]:
 
 
 def section(ax: Axes, here: SkfemSolver, state: FemState, title: str, color: str) -> None:
-    """The cut y = 0 of the piece and its images in both planes: a fold between two others."""
+    """Draw the cut y = 0 of the piece and its images in both planes: a fold between two others."""
     mesh, half = here.problem.mesh, state.angle_rad / here.problem.deformation_scale
     faces = mesh.skin[np.isin(mesh.skin, mesh.node_sets["symmetry"]).all(axis=1)][:, AROUND]
     at = 1e3 * here.deformed_nodes(state)[:, [0, 2]]

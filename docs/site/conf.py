@@ -1,8 +1,8 @@
-"""Sphinx builds the documentation site from the pages in docs/ as they stand: `make docs`.
+"""Configuration of Sphinx, which builds the documentation site from the pages in docs/ unchanged: `make docs`.
 
-The pages are plain Markdown with relative links, so that they read the same in the repository. What the site adds is
-made here: the navigation (navigation.py), the pictures of the gallery (gallery.py) and the Python reference
-(python_api.py). Nothing is fetched: scripts, fonts and the search index are files of the site.
+The pages are plain Markdown with relative links, so that they read the same in the repository. The additions of the
+site are made here: the navigation (navigation.py), the pictures of the gallery (gallery.py) and the Python reference
+(python_api.py). Nothing is downloaded: scripts, fonts and the search index are files of the site.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ extensions = [
     "gallery",
     "python_api",
 ]
-# The source directory is the repository: pages link to examples and to packages beside docs/.
+# The source directory is the repository: pages link to examples and to packages outside docs/.
 include_patterns = [
     "docs/**.md",
     "docs/python/*.rst",
@@ -48,18 +48,18 @@ default_role = "code"  # docstrings write `name`, as Markdown does
 smartquotes = False
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
-autodoc_type_aliases = {"Array": "Array"}  # an array of floats; shapes stand in the text
+autodoc_type_aliases = {"Array": "Array"}  # an array of floats; shapes are in the text
 autodoc_default_options = {"members": True}
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
-copybutton_prompt_text = "$ "  # a console block is copied without prompts and without what was printed
+copybutton_prompt_text = "$ "  # a console block is copied without prompts and output
 
 html_theme = "pydata_sphinx_theme"
 html_title = "Pliant"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
-html_extra_path = ["index.html"]  # leads from the root of the site to docs/index.html
+html_extra_path = ["index.html"]  # redirects from the root of the site to docs/index.html
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {
@@ -78,5 +78,5 @@ html_theme_options = {
 
 
 def setup(app: Sphinx) -> None:
-    """Called by Sphinx: tables of measurements are plain text to its highlighter."""
+    """Make Sphinx treat tables of measurements as plain text in its highlighter."""
     app.add_lexer("csv", TextLexer)

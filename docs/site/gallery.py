@@ -1,4 +1,4 @@
-"""The gallery: the list of pictures in docs/pictures/README.md, with each picture, its caption and what made it.
+"""The gallery: the list of pictures in docs/pictures/README.md, with each picture, its caption and its source.
 
 A caption is the alternative text of the page that shows the picture, so that it is written once.
 """
@@ -20,12 +20,12 @@ IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+\.png)\)")
 
 
 class Shown(NamedTuple):
-    """Where a picture is shown.
+    """The page that shows a picture.
 
     Attributes:
         page: path of the page from the repository's root.
         title: of the page.
-        caption: what the page says the picture shows.
+        caption: the page's description of the picture.
     """
 
     page: str
@@ -34,7 +34,7 @@ class Shown(NamedTuple):
 
 
 def pictures_in_pages(root: Path) -> dict[str, Shown]:
-    """Path of a picture from the repository's root → the first page that shows it."""
+    """Return path of a picture from the repository's root → the first page that shows it."""
     found: dict[str, Shown] = {}
     for path in sorted((root / "docs").rglob("*.md"), key=lambda path: (len(path.parts), path)):
         text = path.read_text(encoding="utf-8")
@@ -47,7 +47,7 @@ def pictures_in_pages(root: Path) -> dict[str, Shown]:
 
 
 def rows(text: str, folder: Path) -> Iterator[tuple[list[Path], str, str]]:
-    """Pictures of each row of the list, what made them, and what is said about that."""
+    """Return the pictures of each row of the list, their source, and the text about them."""
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
         names = re.findall(r"[\w*/]+\.png", cells[0]) if cells else []
@@ -56,7 +56,7 @@ def rows(text: str, folder: Path) -> Iterator[tuple[list[Path], str, str]]:
 
 
 def figure(picture: str, shown: Shown | None, made_by: str) -> list[str]:
-    """A picture with its caption; a click opens it alone."""
+    """Return a picture with its caption; a click opens it alone."""
     lines = [f"```{{figure}} {picture}", f":target: {picture}"]
     if shown is None:
         return [*lines, f":alt: {picture}", "", made_by, "```", ""]
@@ -90,6 +90,6 @@ def show_pictures(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the gallery to Sphinx."""
     app.connect("source-read", show_pictures)
     return {"parallel_read_safe": True}

@@ -1,7 +1,7 @@
-"""The navigation, from the lists of links that pages already have.
+"""The navigation, from the lists of links in the pages.
 
 A page of `LISTING` is the parent of the pages that head its list items: docs/index.md lists the sections, a section its
-pages, a reference page of an interface its kinds. What a reader of the repository follows is the site's tree.
+pages, a reference page of an interface its kinds. The site's tree is that of the links in the repository.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 ROOT_PAGE = "docs/index"
 LISTING = re.compile(r"docs/(index|start|bench|design|plugins|evidence|reference/(\w+/)?index)")
-# `- [Title](page.md)`; what follows on the line is said about the page.
+# `- [Title](page.md)`; the rest of the line describes the page.
 ITEM = re.compile(r"^- \[[^\]]+\]\(([^)#:\s]+\.md)\)", re.M)
 
 
 def groups(docname: str, text: str) -> list[tuple[str, list[str]]]:
-    """The pages that a page lists, as Sphinx names them, with the heading that each group stands under."""
+    """Return the pages that a page lists, as Sphinx names them, with the heading of each group."""
     folder = posixpath.dirname(docname)
     found = []
     for k, part in enumerate(re.split(r"^## ", text, flags=re.M)):
@@ -32,7 +32,7 @@ def groups(docname: str, text: str) -> list[tuple[str, list[str]]]:
 
 
 def parents(root: Path, docname: str = ROOT_PAGE) -> dict[str, str]:
-    """Page → the page that lists it, from the root page down.
+    """Return page → the page that lists it, from the root page down.
 
     Raises:
         ValueError: a page is listed twice.
@@ -50,7 +50,7 @@ def parents(root: Path, docname: str = ROOT_PAGE) -> dict[str, str]:
 
 
 def add_toctrees(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Append what a page lists as hidden toctrees."""
+    """Append the pages that a page lists as hidden toctrees."""
     if not LISTING.fullmatch(docname):
         return
     for heading, pages in groups(docname, source[0]):
@@ -59,6 +59,6 @@ def add_toctrees(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the navigation to Sphinx."""
     app.connect("source-read", add_toctrees)
     return {"parallel_read_safe": True}

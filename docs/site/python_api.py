@@ -1,7 +1,7 @@
 """The Python reference: a page for each module that docs/plugin_contract.md calls public, from its docstrings.
 
 `pliant` comes first, with the names of its `__all__`, and the modules behind them; a module does not show again what
-`pliant` shows. Interfaces have pages of their own in docs/reference and get none here.
+`pliant` shows. Interfaces have separate pages in docs/reference and get none here.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import pliant
-from pliant.registry.component import INTERFACES
+from pliant.registry.interface import interfaces
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parents[1]
-PAGES = DOCS / "python"  # not in the repository; made anew by every build
-# What stands in backticks, or a character that is none of reStructuredText's here.
+PAGES = DOCS / "python"  # not in the repository; rewritten by every build
+# Text in backticks, or a character that has no markup meaning here.
 MARKUP = re.compile(r"(`+[^`]*`+)|([|*]|(?<=\w)_(?!\w))")
 SECTIONS = ("Args:", "Attributes:", "Returns:", "Raises:", "Yields:", "Example:", "Examples:", "Note:")
-HAVE_PAGES = {f"pliant.interfaces.{interface}" for interface in INTERFACES}
+HAVE_PAGES = {interface.config.partition(":")[0] for interface in interfaces().values()}
 
 
 def public_modules() -> list[str]:
-    """`pliant`, the modules behind its names, then those of the contract's table "What is public", `*` written out."""
+    """Return `pliant`, the modules of its names, then those of the contract's table "What is public", `*` expanded."""
     text = (DOCS / "plugin_contract.md").read_text(encoding="utf-8")
     table = text.partition("## What is public")[2].partition("\n## ")[0]
     found = ["pliant", *behind_the_door(), "pliant.api"]
@@ -44,7 +44,7 @@ def public_modules() -> list[str]:
 
 
 def behind_the_door() -> list[str]:
-    """Modules that define what `pliant` shows, and the bases of the classes there: what its functions return."""
+    """Return modules that define the names of `pliant`, and the bases of their classes: the types of its results."""
     found = []
     for module in {getattr(pliant, name).__module__: None for name in stated_names(pliant)}:
         classes = [
@@ -56,14 +56,14 @@ def behind_the_door() -> list[str]:
 
 
 def stated_names(module: ModuleType) -> list[str]:
-    """The names of a module's `__all__`."""
+    """Return the names of a module's `__all__`."""
     return list(getattr(module, "__all__", ()))
 
 
 def page(module: ModuleType) -> str:
-    """The page of a module, in reStructuredText: a directive for each of its names.
+    """Return the page of a module, in reStructuredText: a directive for each of its names.
 
-    The names of `pliant` are asked for one by one, since they are imported only then.
+    The names of `pliant` are accessed one by one, since they are imported only then.
     """
     name = module.__name__
     lines = [name, "=" * len(name), "", f".. automodule:: {name}", "   :no-members:"]
@@ -75,7 +75,7 @@ def page(module: ModuleType) -> str:
 
 
 def defined_in(module: ModuleType, but: Sequence[int]) -> dict[str, Any]:
-    """Classes and functions that a module defines and explains, without those with an id of `but`."""
+    """Return classes and functions that a module defines and documents, without those with an id of `but`."""
     found = {}
     for name, value in vars(module).items():
         made_of = value.func if isinstance(value, functools.partial) else value
@@ -87,7 +87,7 @@ def defined_in(module: ModuleType, but: Sequence[int]) -> dict[str, Any]:
 
 
 def write_pages(app: Sphinx) -> None:
-    """Write the pages whose text changed, so that an unchanged module is not read anew."""
+    """Write the pages whose text changed, so that an unchanged module is not parsed again."""
     PAGES.mkdir(exist_ok=True)
     made = {PAGES / f"{name}.rst": page(importlib.import_module(name)) for name in public_modules()}
     for path in set(PAGES.iterdir()) - set(made):
@@ -98,7 +98,7 @@ def write_pages(app: Sphinx) -> None:
 
 
 def list_pages(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Under docs/python.md: every module with its first sentence."""
+    """Append to docs/python.md the list of modules with their first sentences."""
     if docname == "docs/python":
         names = public_modules()
         rows = [f"| [{name}](python/{name}.rst) | {summary(name)} |" for name in names]
@@ -107,17 +107,17 @@ def list_pages(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def always(app: Sphinx, *_: object) -> list[str]:
-    """The list of modules is read anew by every build, for modules come and go."""
+    """Return the list of modules as a page that every build reads, since modules come and go."""
     return ["docs/python"]
 
 
 def summary(name: str) -> str:
-    """The first line of a module's docstring."""
+    """Return the first line of a module's docstring."""
     return (inspect.getdoc(importlib.import_module(name)) or "").partition("\n")[0].replace("|", "\\|")
 
 
 def from_markdown(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """A docstring, written as Markdown with Google's sections, in reStructuredText.
+    """Return a docstring, written as Markdown with Google's sections, in reStructuredText.
 
     Characters that would be markup there (|u|, a * b, names_) are escaped, and an indented block is one of code or of
     formulas, as in Markdown.
@@ -138,22 +138,22 @@ def from_markdown(app: Sphinx, what: str, name: str, obj: object, options: objec
 
 
 def escaped(line: str) -> str:
-    """A line with the characters escaped that reStructuredText would read as markup, but for those in backticks."""
+    """Return a line with characters escaped that reStructuredText would read as markup, except those in backticks."""
     return MARKUP.sub(lambda found: found[1] or f"\\{found[2]}", line)
 
 
 def escape_types(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """The same for the types that napoleon adds from annotations."""
+    """Escape the types that napoleon adds from annotations in the same way."""
     lines[:] = [escaped(line) if line.startswith(":vartype") else line for line in lines]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the Python reference to Sphinx."""
     app.connect("builder-inited", write_pages)
     app.connect("source-read", list_pages)
     app.connect("env-get-outdated", always)
     app.connect(
         "autodoc-process-docstring", from_markdown, priority=400
-    )  # before napoleon makes markup of its own
+    )  # before napoleon makes its own markup
     app.connect("autodoc-process-docstring", escape_types, priority=600)
     return {"parallel_read_safe": True}

@@ -17,10 +17,11 @@ import numpy as np
 
 import pliant
 from pliant import api
-from pliant.pipeline.study import fem_of_study
+from pliant.config.designs import material_parameters
+from pliant.fem_tables.writing import write_table
+from pliant.pipeline.study import solve_study_fem
 from pliant.records.fem import ModuleData
 from pliant.store.store import Artifact
-from pliant.tabular.fem_writing import write_table
 
 HERE = Path(__file__).parent
 FAMILIES = ("bellow_bending", "bellow_translational", "tendon_joint", "bellow_helical")
@@ -29,8 +30,8 @@ FAMILIES = ("bellow_bending", "bellow_translational", "tendon_joint", "bellow_he
 def make(family: str, store: Path) -> None:
     """Solve one family's study and write its two files."""
     opened = api.open_study(HERE / "fem" / f"{family}.yaml", store=store)
-    (artifact,) = fem_of_study(opened.bench, opened.study)
-    write_table(artifact.value, HERE / f"{family}.csv")
+    (artifact,) = solve_study_fem(opened.bench, opened.study)
+    write_table(artifact.value, HERE / f"{family}.csv", material_parameters(opened.study.material))
     text = json.dumps(provenance(opened, artifact), indent=2, default=str)
     (HERE / f"{family}.json").write_text(text + "\n", encoding="utf-8")
     print(f"{family}: {len(artifact.value)} states", flush=True)

@@ -1,7 +1,7 @@
-"""The order in which native libraries are loaded: torch before ngsolve.
+"""The loading order of native libraries: torch before ngsolve.
 
-ngsolve opens its MKL for the whole process; torch, loaded after it, calls that one instead of its own and crashes in
-the first product of matrices. Loaded before, both work.
+ngsolve opens its MKL for the whole process; if torch is loaded after it, torch calls that MKL instead of its bundled
+one and crashes in the first matrix product. With torch loaded first, both work.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def torch_first() -> None:
 
 
 def load_torch(what: str) -> Any:
-    """torch, for `what` ("surrogate 'neural' needs torch to fit a law").
+    """Import torch, for `what` ("surrogate 'neural' needs torch to fit a law").
 
     Raises:
         MissingDependencyError: it is not installed.

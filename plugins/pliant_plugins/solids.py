@@ -22,7 +22,7 @@ LARGEST_M = 2.0  # beyond it, a part was drawn in millimetres and read as metres
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A watertight solid: its surface, the convex hull of it, and what it weighs per density 1.
+    """A watertight solid: its surface, its convex hull, and its mass properties for density 1.
 
     Attributes:
         surface, hull: in the file's frame, metres.
@@ -37,13 +37,13 @@ class Solid:
     unit_mass: MassProperties
 
     def mass(self, density_kg_m3: float) -> MassProperties:
-        """Mass, centre and inertia of the homogeneous solid."""
+        """Return mass, centre and inertia of the homogeneous solid."""
         unit = self.unit_mass
         return MassProperties(density_kg_m3 * unit.mass_kg, unit.com_m, density_kg_m3 * unit.inertia_kg_m2)
 
 
 def read_solid(path: Path, scale: float = 1.0) -> Solid:
-    """A solid from a file; its lengths times `scale` are metres (0.001 for a file in millimetres).
+    """Read a solid from a file; its lengths times `scale` are metres (0.001 for a file in millimetres).
 
     Raises:
         UserError: no such file, another format than `READ`, not watertight, no volume, or larger than anything
@@ -78,14 +78,14 @@ def read_solid(path: Path, scale: float = 1.0) -> Solid:
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """A convex surface in the solid's frame, and what it encloses."""
+    """A convex surface in the solid's frame, and the enclosed volume."""
 
     surface: TriangleMesh
     volume_m3: float
 
 
 def convex_parts(solid: Solid, most: int) -> tuple[ConvexPart, ...]:
-    """The convex hull, or up to `most` convex parts that together stand for the solid.
+    """Return the convex hull, or up to `most` convex parts that approximate the solid.
 
     By V-HACD (Mamou, Volumetric hierarchical approximate convex decomposition, 2016): voxels are cut by planes until
     the parts hardly enclose more than the solid. The same solid gives the same parts.
@@ -107,7 +107,7 @@ def convex_parts(solid: Solid, most: int) -> tuple[ConvexPart, ...]:
 
 
 def write_stl(surface: TriangleMesh, path: Path) -> None:
-    """The surface as a binary STL file in metres."""
+    """Write the surface as a binary STL file in metres."""
     _trimesh().Trimesh(surface.vertices_m, surface.faces, process=False).export(path, file_type="stl")
 
 

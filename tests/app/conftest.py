@@ -1,4 +1,4 @@
-"""A session on a small recording of one stated joint, with a bend that the study does not know of."""
+"""A session on a small recording of one stated joint with an effect that the study does not contain."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pliant.app.desk import Desk
-from pliant.app.folder import SessionFolder
+from pliant_app.desk import SessionController
+from pliant_app.folder import SessionFolder
 
 STUDY = """\
 pliant: 1
@@ -27,7 +27,7 @@ measurements: {file: bench.csv}
 
 
 def recording(hidden: float = 1.25, seed: int = 3) -> str:
-    """Six slow runs in three pairs of repeats; the pressure that acts is `hidden` times the one that is read."""
+    """Return six slow runs in three pairs of repeats; the acting pressure is `hidden` times the recorded one."""
     rng = np.random.default_rng(seed)
     lines = ["run,pressure_pa,moment_n_m,angle_rad"]
     for k, top in enumerate([6e3, 6e3, 9e3, 9e3, 12e3, 12e3]):
@@ -40,15 +40,15 @@ def recording(hidden: float = 1.25, seed: int = 3) -> str:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """A folder with the study and its recording."""
+    """Return a folder with the study and its recording."""
     (tmp_path / "bend.yaml").write_text(STUDY)
     (tmp_path / "bench.csv").write_text(recording())
     return tmp_path
 
 
 @pytest.fixture
-def desk(bench: Path) -> Desk:
-    """The session that `pliant app bend.yaml` opens."""
-    made = Desk(SessionFolder(bench / "session"), bench / "store")
+def desk(bench: Path) -> SessionController:
+    """Return the session that `pliant app bend.yaml` opens."""
+    made = SessionController(SessionFolder(bench / "session"), bench / "store")
     made.begin(bench / "bend.yaml", [])
     return made

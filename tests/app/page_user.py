@@ -1,4 +1,4 @@
-"""A scripted user of the evidence page in headless Chromium: drops files, looks, diagnoses, ticks, fits, saves."""
+"""A scripted user of the evidence page in headless Chromium: drops files, diagnoses, selects effects, fits, saves."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 
 from tests.app.test_in_the_browser import CHROMIUM, LONG, QUIET, playwright, started
 
-MOST_ROUNDS = 3  # diagnoses that lead to a tick
-POLL = 100  # ms between two questions
-FALLS = 0.99  # of the left-out error: a user wants it below
+MOST_ROUNDS = 3  # diagnoses until an effect is selected
+POLL = 100  # ms between two polls
+FALLS = 0.99  # share of the left-out error below which a user accepts a change
 
 
 EMPTY, READY = "#begin:visible", "body[data-ready]"
@@ -21,7 +21,7 @@ EMPTY, READY = "#begin:visible", "body[data-ready]"
 
 @contextmanager
 def opened(folder: Path, store: Path, until: str = EMPTY) -> Iterator[tuple[Any, int]]:
-    """The page of a session in a browser of its own, when the selector stands, and the server's process."""
+    """Yield a session's page in its own browser, once the selector `until` is present, and the server's process id."""
     server, address = started(folder, store)
     try:
         with playwright.sync_playwright() as driver:
@@ -38,12 +38,12 @@ def opened(folder: Path, store: Path, until: str = EMPTY) -> Iterator[tuple[Any,
 
 @dataclass
 class PageUser:
-    """What a user can do with a page that is open; everything goes through what is on the screen."""
+    """The actions of a user on an open page, all performed through the elements on the screen."""
 
     page: Any
 
     def drop(self, files: Sequence[Path]) -> float:
-        """Drop files; returns the seconds until pictures stand."""
+        """Drop files and return the seconds until the pictures are shown."""
         began = time.perf_counter()
         self.page.set_input_files("#files", [str(file) for file in files])
         self.page.wait_for_selector("#time canvas", timeout=LONG)
@@ -52,7 +52,7 @@ class PageUser:
         return shown
 
     def until(self, holds: str) -> None:
-        """Ask the page until an expression holds; its policy lets no text be run as a script from within."""
+        """Poll the page until an expression is true; its security policy forbids evaluating text as a script there."""
         for _ in range(LONG // POLL):
             if self.page.evaluate(f"Boolean({holds})"):
                 return
@@ -64,11 +64,11 @@ class PageUser:
         self.until("document.body.dataset.ready === String(version) && document.querySelector('#job').hidden")
 
     def look(self) -> str:
-        """Where the model fails, in the page's words."""
+        """Return the page's sentence on where the model fails."""
         return str(self.page.text_content("#sentence"))
 
     def diagnose(self) -> tuple[str, ...]:
-        """Diagnose; the kinds of the most probable explanation that is in the list and leaves less error; else none."""
+        """Diagnose and return the kinds of the most probable listed explanation that leaves less error, or nothing."""
         before = self.page.evaluate("version")
         self.page.click("#diagnose")
         self.until(f"version > {before} && view.model.diagnosis")
@@ -81,7 +81,7 @@ class PageUser:
         return tuple(best["kinds"]) if worth and set(best["kinds"]) <= set(listed) else ()
 
     def tick(self, kind: str) -> None:
-        """Tick an effect that is not ticked."""
+        """Select an effect that is not selected."""
         more = self.page.locator("#effects details.more:not([open]) summary")
         if more.count():
             more.first.click()
@@ -90,7 +90,7 @@ class PageUser:
         self.settled()
 
     def fit(self) -> None:
-        """Fit what is ticked."""
+        """Fit the selected effects."""
         steps = self.page.locator("#history li").count()
         self.page.click("#fit")
         self.until(
@@ -99,7 +99,7 @@ class PageUser:
         self.settled()
 
     def improve_by_hand(self) -> tuple[str, ...]:
-        """Diagnose, tick what is probable, fit; again until nothing more is. Returns what was ticked."""
+        """Diagnose, select the probable effects and fit until none is added; return the selected kinds."""
         ticked: list[str] = []
         for _ in range(MOST_ROUNDS):
             found = [kind for kind in self.diagnose() if kind not in ticked]
@@ -112,7 +112,7 @@ class PageUser:
         return tuple(ticked)
 
     def improve(self) -> None:
-        """`pliant improve`, by its button."""
+        """Run `pliant improve` by its button."""
         before = self.page.evaluate("version")
         self.page.click("#improve")
         self.until(
@@ -122,7 +122,7 @@ class PageUser:
         self.settled()
 
     def save(self) -> Path:
-        """Save the study; returns its file."""
+        """Save the study and return its file."""
         self.page.click("#save")
         self.page.wait_for_selector("#dialog[open]", timeout=LONG)
         path = Path(self.page.text_content("#dialogtext").splitlines()[0])
@@ -130,17 +130,17 @@ class PageUser:
         return path
 
     def go_back(self, step: int) -> None:
-        """Look at a step of the history, from 0."""
+        """Show a step of the history, counted from 0."""
         self.page.click(f"#history li:nth-child({step + 1}) button")
         self.until(f"view.model.cursor === {step}")
         self.settled()
 
     def warnings(self) -> list[str]:
-        """What the page doubts."""
+        """Return the warnings that the page shows."""
         return list(self.page.locator("#warnings .warning").all_text_contents())
 
     def false_kind(self, right: Sequence[str]) -> str:
-        """An effect that these runs could show, told apart from all that are ticked, and improbable."""
+        """Return the least probable effect that these runs could show and distinguish from all selected ones."""
         return str(
             self.page.evaluate(
                 """right => { const kinds = screening.found.kinds, d = view.model.diagnosis || {by_kind: {}};

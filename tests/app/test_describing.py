@@ -1,4 +1,4 @@
-"""A robot described in a form: installed kinds appear with their fields, and give the study that one would write."""
+"""Describe a robot by a form: installed kinds appear with their fields and give the study that a user would write."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from pliant.app.describing import described, form
-from pliant.app.desk import Desk
-from pliant.app.folder import SessionFolder
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
+from pliant_app.describing import described, form
+from pliant_app.desk import SessionController
+from pliant_app.folder import SessionFolder
 from pliant_plugins.families.reference import FINGER
 
 from .conftest import STUDY, recording
@@ -33,7 +33,7 @@ def test_every_installed_family_and_material_appears_with_its_fields() -> None:
     registry = discover()
     families = {one["kind"]: one["fields"] for one in ways()["family"]["family"]}
     assert {"bellow_bending", "pneunet", "three_chamber"} <= set(families)
-    assert "mesh_file" not in families  # a form cannot give it the file that it needs
+    assert "mesh_file" not in families  # a form cannot supply the file that this kind needs
     for kind, fields in families.items():
         model = registry.get("family", kind).config_model()
         required = {name for name, info in model.model_fields.items() if info.is_required()}
@@ -72,17 +72,17 @@ def test_a_described_family_is_the_study_that_one_would_write(tmp_path: Path) ->
 
 
 def test_a_stated_law_opens_the_model_that_its_study_opens(bench: Path) -> None:
-    made = Desk(SessionFolder(bench / "session"), bench / "store")
+    made = SessionController(SessionFolder(bench / "session"), bench / "store")
     (made.folder.files / "bench.csv").write_text(recording())
     made.take("bench.csv")
     made.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
     made.bench.wait()
     assert made.state.pending is None and not made.said
-    by_hand = Desk(SessionFolder(bench / "other"), bench / "store")
+    by_hand = SessionController(SessionFolder(bench / "other"), bench / "store")
     by_hand.begin(bench / "bend.yaml", [])
     ours, theirs = (one.view()["model"]["steps"][0] for one in (made, by_hand))
     assert ours["error"] == pytest.approx(theirs["error"], rel=1e-12)
-    assert "task:" in STUDY  # which a comparison does not need
+    assert "task:" in STUDY  # a comparison does not need this block
 
 
 def test_states_that_are_being_solved_are_counted_and_can_be_stopped(
@@ -98,8 +98,8 @@ def test_states_that_are_being_solved_are_counted_and_can_be_stopped(
             begun.set()
             time.sleep(0.01)
 
-    monkeypatch.setattr("pliant.app.desk.chain_of_study", solve)
-    desk = Desk(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    monkeypatch.setattr("pliant_app.desk.build_study_chain", solve)
+    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
     desk.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
     assert begun.wait(20)
     assert re.match(r"FEM states: \d+ of about \d+", desk.pulse()["job"]["words"])
@@ -121,14 +121,14 @@ def test_states_that_are_being_solved_are_counted_and_can_be_stopped(
     ],
 )
 def test_what_cannot_be_is_said_and_leaves_no_file(tmp_path: Path, values: dict, says: str) -> None:
-    desk = Desk(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
     with pytest.raises(UserError, match=says) as refused:
         desk.describe(values)
     assert str(desk.folder.path) not in str(refused.value)
     assert not list(desk.folder.files.iterdir()) and not desk.state.study
 
 
-def test_texts_of_the_form_stay_texts() -> None:
+def test_form_texts_stay_texts() -> None:
     text = described({"way": "law", "surrogate": {"k_n": "1}\nplugins: [evil.py]"}, "chain": CHAIN}, [])
     assert [line for line in text.splitlines() if line.startswith("plugins")] == []
     assert json.loads(next(x for x in text.splitlines() if x.startswith("surrogate")).split(": ", 1)[1])

@@ -1,4 +1,4 @@
-"""A session: nothing is lost or solved twice, unseen runs are told, a study is saved with what was fitted."""
+"""A session loses and recomputes nothing, reports errors on unseen runs, and saves a study with the fitted values."""
 
 from __future__ import annotations
 
@@ -15,35 +15,37 @@ import numpy as np
 import pytest
 
 from pliant import api
-from pliant.app import work
-from pliant.app.desk import Desk
-from pliant.app.folder import SessionFolder
-from pliant.app.open_model import AnswerCache
-from pliant.app.showing import predicted_points
-from pliant.app.work import forms_of
 from pliant.diagnosis.extension import Ground, extend
-from pliant.diagnosis.test_split import lock
+from pliant.diagnosis.test_split import split_runs
 from pliant.errors import UserError
+from pliant_app import work
+from pliant_app.desk import SessionController
+from pliant_app.folder import SessionFolder
+from pliant_app.open_model import AnswerCache
+from pliant_app.showing import predicted_points
+from pliant_app.work import varied_forms
 
 from .conftest import recording
 
 
-def _ticked(desk: Desk, kind: str) -> tuple[dict[str, object], ...]:
+def _ticked(desk: SessionController, kind: str) -> tuple[dict[str, object], ...]:
     catalogue = desk.view()["model"]["catalogue"]
     return ({**next(one["begun"] for one in catalogue if one["kind"] == kind)},)
 
 
-def _fitted(desk: Desk, kind: str) -> dict[str, object]:
+def _fitted(desk: SessionController, kind: str) -> dict[str, object]:
     desk.run("fit", [kind])
     desk.bench.wait()
     return desk.view()["model"]
 
 
-def test_a_fit_gives_what_the_command_gives_on_the_training_runs(desk: Desk, bench: Path) -> None:
+def test_a_fit_gives_what_the_command_gives_on_the_training_runs(
+    desk: SessionController, bench: Path
+) -> None:
     model = _fitted(desk, "actuation_gain")
     opened = api.open_study(bench / "bend.yaml", store=bench / "store")
-    training = lock(api.read_measurement(opened)).training
-    found = extend(Ground.of(opened.bench, opened.study, training), (), ["actuation_gain"])
+    training = split_runs(api.read_measurement(opened)).training
+    found = extend(Ground.from_study(opened.bench, opened.study, training), (), ["actuation_gain"])
     assert model["effects"][0]["gain"] == found.values["actuation_gain.gain"]
     estimate = model["fit"]["estimates"][0]
     assert estimate["low"] < 1.25 < estimate["high"]
@@ -54,11 +56,11 @@ def test_a_fit_gives_what_the_command_gives_on_the_training_runs(desk: Desk, ben
 
 
 def test_work_that_was_done_is_not_done_again(
-    desk: Desk, bench: Path, monkeypatch: pytest.MonkeyPatch
+    desk: SessionController, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = _fitted(desk, "actuation_gain")
     monkeypatch.setattr(work, "fit", lambda *_: pytest.fail("fitted twice"))
-    again = Desk(SessionFolder(bench / "session"), bench / "store")
+    again = SessionController(SessionFolder(bench / "session"), bench / "store")
     again.begin(bench / "bend.yaml", [])
     after = again.view()["model"]
     assert json.dumps(after["steps"]) == json.dumps(before["steps"])
@@ -69,14 +71,17 @@ def test_work_that_was_done_is_not_done_again(
 
 
 def test_a_diagnosis_in_another_session_is_answered_from_the_store(
-    desk: Desk, bench: Path, monkeypatch: pytest.MonkeyPatch
+    desk: SessionController, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     desk.run("diagnose")
     desk.bench.wait(600.0)
     before = desk.view()["model"]["diagnosis"]
+    aside = desk.now().split.runs
+    assert aside and work.ASKS_ALL in before["asked"] and f"{len(aside)} of" in before["asked"]
+    assert work.ASKS_ALL in (desk.folder.results / before["report"]).read_text().replace("&#39;", "'")
     monkeypatch.setattr(work, "diagnose_with", lambda *_, **__: pytest.fail("diagnosed twice"))
     other = SessionFolder(bench / "other")
-    again = Desk(other, bench / "store")
+    again = SessionController(other, bench / "store")
     again.begin(bench / "bend.yaml", [])
     again.run("diagnose")
     again.bench.wait(600.0)
@@ -86,17 +91,17 @@ def test_a_diagnosis_in_another_session_is_answered_from_the_store(
         assert (other.results / before["protocol"]).is_file()
 
 
-def test_work_that_was_cut_off_is_taken_up(desk: Desk, bench: Path) -> None:
+def test_work_that_was_cut_off_is_taken_up(desk: SessionController, bench: Path) -> None:
     folder = SessionFolder(bench / "session")
     folder.keep(replace(desk.state, pending={"what": "fit", "kinds": ["actuation_gain"]}))
-    again = Desk(folder, bench / "store")
+    again = SessionController(folder, bench / "store")
     again.begin(bench / "bend.yaml", [])
     again.bench.wait()
     assert again.view()["model"]["steps"][-1]["fitted"]
     assert folder.state().pending is None
 
 
-def test_stopped_work_changes_nothing(desk: Desk) -> None:
+def test_stopped_work_changes_nothing(desk: SessionController) -> None:
     steps = desk.state.steps
     desk.run("diagnose")
     desk.stop()
@@ -106,7 +111,7 @@ def test_stopped_work_changes_nothing(desk: Desk) -> None:
     assert "stopped" in desk.said[-1] or desk.view()["model"]["diagnosis"]
 
 
-def test_undo_redo_and_a_new_step_behind_an_undone_one(desk: Desk) -> None:
+def test_undo_redo_and_a_new_step_behind_an_undone_one(desk: SessionController) -> None:
     effects = _ticked(desk, "actuation_gain")
     desk.step(effects, [], "ticked")
     desk.go(0)
@@ -118,7 +123,7 @@ def test_undo_redo_and_a_new_step_behind_an_undone_one(desk: Desk) -> None:
     assert [step.words for step in desk.state.steps] == ["the study as it is", "r5 off"]
 
 
-def test_a_run_that_is_off_counts_in_no_error(desk: Desk) -> None:
+def test_a_run_that_is_off_counts_in_no_error(desk: SessionController) -> None:
     model = desk.now().without(["r0"])
     assert not np.isfinite(model.read.runs[0].outputs["angle_rad"]).any()
     assert "r0" not in [model.read.runs[k].name for k in model.split.runs]
@@ -126,8 +131,8 @@ def test_a_run_that_is_off_counts_in_no_error(desk: Desk) -> None:
         desk.step((), [f"r{k}" for k in range(6)], "all off")
 
 
-def test_switching_runs_off_moves_no_run_between_fitted_and_put_aside(desk: Desk) -> None:
-    """Else a run that was kept from the reader would be shown, and fitted, by switching off another one."""
+def test_switching_runs_off_moves_no_run_between_fitted_and_put_aside(desk: SessionController) -> None:
+    """Otherwise switching off one run would show and fit another run that was held out."""
     whole = {run["name"]: run["aside"] for run in desk.curves()["runs"]}
     first = desk.view()["model"]["steps"][0]
     for run in [name for name, aside in whole.items() if not aside][:3]:
@@ -141,8 +146,8 @@ def test_switching_runs_off_moves_no_run_between_fitted_and_put_aside(desk: Desk
     assert desk.view()["model"]["steps"][0] == first
 
 
-def test_choices_that_come_at_once_are_all_kept(desk: Desk) -> None:
-    """Two tabs, or a hand that is quicker than the page: each choice is made on the newest state."""
+def test_choices_that_come_at_once_are_all_kept(desk: SessionController) -> None:
+    """Two tabs, or fast clicks: each choice is applied to the newest state."""
     training = [run["name"] for run in desk.curves()["runs"] if not run["aside"]]
     kinds = ["actuation_gain", "stiffness", "sensor_bias"]
     with ThreadPoolExecutor(6) as pool:
@@ -158,7 +163,9 @@ def test_choices_that_come_at_once_are_all_kept(desk: Desk) -> None:
         desk.tick("nonsense", on=True)
 
 
-def test_a_recording_is_added_to_what_the_study_names_and_undo_leaves_it_out(desk: Desk, bench: Path) -> None:
+def test_a_recording_is_added_to_what_the_study_names_and_undo_leaves_it_out(
+    desk: SessionController, bench: Path
+) -> None:
     desk.tick("actuation_gain", on=True)
     before = {run["name"]: run["aside"] for run in desk.curves()["runs"]}
     lines = recording(seed=4).splitlines()
@@ -170,7 +177,7 @@ def test_a_recording_is_added_to_what_the_study_names_and_undo_leaves_it_out(des
     assert len(after) == 12 and {name: after[name] for name in before} == before
     assert any(aside for name, aside in after.items() if name not in before)
     assert [one["kind"] for one in desk.state.now.effects] == ["actuation_gain"]
-    again = Desk(SessionFolder(bench / "session"), bench / "store")
+    again = SessionController(SessionFolder(bench / "session"), bench / "store")
     again.begin(bench / "bend.yaml", [])
     assert {run["name"]: run["aside"] for run in again.curves()["runs"]} == after
     again.go(1)
@@ -182,25 +189,25 @@ def test_a_recording_is_added_to_what_the_study_names_and_undo_leaves_it_out(des
     assert replace(again.state, version=0) == state and not (desk.folder.files / "bad.csv").exists()
 
 
-def test_an_effect_that_makes_unseen_runs_worse_is_warned_of(desk: Desk) -> None:
-    """By hand, before any fit."""
+def test_an_effect_that_makes_unseen_runs_worse_is_warned_about(desk: SessionController) -> None:
+    """The warning also appears for values set by hand, before any fit."""
     desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
     assert any("unseen runs become worse" in one for one in desk.view()["model"]["warnings"])
 
 
 @pytest.mark.parametrize("false", ["permanent_set", "dead_zone"])
-def test_a_false_add_is_warned_of(desk: Desk, bench: Path, false: str) -> None:
-    """A gain explains everything here: what is fitted beside it lowers the fitted error by chance alone."""
+def test_a_false_add_is_warned_about(desk: SessionController, bench: Path, false: str) -> None:
+    """A gain explains all of the error: an additional effect lowers the fitted error by chance only."""
     assert not _fitted(desk, "actuation_gain")["warnings"]
-    right = Desk(SessionFolder(bench / "right"), bench / "store")
+    right = SessionController(SessionFolder(bench / "right"), bench / "store")
     right.begin(Path(desk.leaving.save("right")["path"]), [])
     model = _fitted(right, false)
     assert model["steps"][-1]["fitted"], right.said
     assert any("not predicted better" in one for one in model["warnings"])
 
 
-def test_a_false_effect_beside_a_true_one_is_warned_of(desk: Desk) -> None:
-    """Fitted together in one go, the true one may not hide that the other one earns nothing."""
+def test_a_false_effect_next_to_a_true_one_is_warned_about(desk: SessionController) -> None:
+    """A joint fit must not hide behind the true effect that the other one gains nothing."""
     desk.run("fit", ["actuation_gain", "permanent_set"])
     desk.bench.wait()
     warnings = desk.view()["model"]["warnings"]
@@ -208,8 +215,8 @@ def test_a_false_effect_beside_a_true_one_is_warned_of(desk: Desk) -> None:
     assert not any(one.startswith("actuation_gain") for one in warnings)
 
 
-def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: Desk) -> None:
-    """It makes nothing worse, and yet nothing shows it; one that helps is not doubted."""
+def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: SessionController) -> None:
+    """An effect that neither worsens nor improves unseen runs gets a note; an effect that improves them gets none."""
     desk.step(({"kind": "sensor_bias", "bias_rad": 1e-5},), [], "next to nothing")
     (said,) = desk.view()["model"]["warnings"]
     assert "unseen runs do not show that it is missing" in said
@@ -220,11 +227,11 @@ def test_an_effect_ticked_without_a_gain_on_unseen_runs_is_said(desk: Desk) -> N
     assert not desk.view()["model"]["warnings"]
 
 
-def test_a_fit_that_explains_little_is_said_without_a_diagnosis(desk: Desk) -> None:
+def test_a_fit_that_explains_little_is_said_without_a_diagnosis(desk: SessionController) -> None:
     assert any("still" in one and "'Diagnose'" in one for one in _fitted(desk, "sensor_bias")["warnings"])
 
 
-def test_copying_changes_no_saved_study(desk: Desk) -> None:
+def test_copying_changes_no_saved_study(desk: SessionController) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
     saved = Path(desk.leaving.save()["path"])
     before = saved.read_text()
@@ -234,7 +241,7 @@ def test_copying_changes_no_saved_study(desk: Desk) -> None:
     assert [one.name for one in desk.folder.saved.iterdir()] == [saved.name]
 
 
-def test_saving_again_writes_over_no_other_study(desk: Desk) -> None:
+def test_saving_again_writes_over_no_other_study(desk: SessionController) -> None:
     desk.step(({"kind": "actuation_gain", "gain": 1.2},), [], "nearly right")
     first, same = Path(desk.leaving.save()["path"]), Path(desk.leaving.save()["path"])
     before = first.read_text()
@@ -260,13 +267,13 @@ def test_what_several_threads_ask_is_worked_out_once() -> None:
     with ThreadPoolExecutor(4) as pool:
         assert [one.result() for one in [pool.submit(ask) for _ in range(4)]] == [1] * 4
     kept.get("a", lambda: 0), kept.get("b", lambda: 0)
-    assert kept.get("same", work) == 2  # the oldest had to go
+    assert kept.get("same", work) == 2  # the oldest entry was removed
     with pytest.raises(ZeroDivisionError):
         kept.get("wrong", lambda: 1 // 0)
     assert kept.get("wrong", lambda: 5) == 5
 
 
-def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -> None:
+def test_a_saved_study_reads_back_with_the_same_error(desk: SessionController, bench: Path) -> None:
     model = _fitted(desk, "actuation_gain")
     said = desk.leaving.save()
     saved = Path(said["path"])
@@ -285,7 +292,7 @@ def test_a_saved_study_reads_back_with_the_same_error(desk: Desk, bench: Path) -
     assert again.study.posterior is None
 
 
-def _rmse(desk: Desk) -> float:
+def _rmse(desk: SessionController) -> float:
     model = desk.now()
     predicted = model.predicted(desk.state.now.effects)
     pairs = zip(model.measurement.runs, predicted, strict=True)
@@ -294,7 +301,7 @@ def _rmse(desk: Desk) -> float:
     )
 
 
-def test_the_pictures_have_every_reading_and_the_screen_the_hidden_effect(desk: Desk) -> None:
+def test_the_pictures_have_every_reading_and_the_screen_the_hidden_effect(desk: SessionController) -> None:
     shown = desk.curves()
     assert sum(run["points"] for run in shown["runs"]) == 240 == len(shown["outputs"][0]["measured"])
     model = desk.now()
@@ -306,7 +313,7 @@ def test_the_pictures_have_every_reading_and_the_screen_the_hidden_effect(desk: 
     assert not found["thermal_softening"]["shown"] if "thermal_softening" in found else True
 
 
-def test_effects_that_cannot_be_are_refused(desk: Desk) -> None:
+def test_effects_that_cannot_be_are_refused(desk: SessionController) -> None:
     for wrong in (
         {"kind": "no_such"},
         {"kind": "actuation_gain", "gain": 1e9},
@@ -323,8 +330,8 @@ def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path
     file.write_text(code)
     study = bench / "own.yaml"
     study.write_text((bench / "bend.yaml").read_text() + "plugins: [stiffening.py]\n")
-    desk = Desk(SessionFolder(bench / "own"), bench / "store")
-    with pytest.warns(match="stiffening.py"):  # as every command says before it runs code
+    desk = SessionController(SessionFolder(bench / "own"), bench / "store")
+    with pytest.warns(match="stiffening.py"):  # the warning that every command prints before it runs code
         desk.begin(study, [])
 
     def listed() -> dict[str, object]:
@@ -337,7 +344,7 @@ def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path
     file.write_text(code.replace("plausible=(0.5, 5.0)", "plausible=(0.5, 8.0)") + "# other\n")
     assert desk.pulse()["version"] > version
     assert listed()["sliders"][0]["high"] > before
-    assert desk.now().key != key  # nothing that the former code gave is taken for the new one's
+    assert desk.now().key != key  # results of the former code are not reused for the new one
     file.write_text("x =")
     desk.pulse()
     assert "not Python" in desk.view()["refused"]
@@ -348,13 +355,13 @@ def test_an_own_effect_is_listed_and_read_anew_when_its_file_changes(bench: Path
 
 @pytest.mark.slow
 def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> None:
-    """The sensor adds 0.03 sin(30 u): no listed effect does."""
+    """The sensor adds 0.03 sin(30 u), which no listed effect describes."""
     lines = recording(hidden=1.0).splitlines()
     rows = [line.split(",") for line in lines[1:]]
     angles = [float(row[-1]) for row in rows]
     waved = [[*row[:-1], f"{a + 0.03 * np.sin(30 * a):.6f}"] for row, a in zip(rows, angles, strict=True)]
     (bench / "bench.csv").write_text("\n".join([lines[0], *map(",".join, waved)]) + "\n")
-    desk = Desk(SessionFolder(bench / "session"), bench / "store")
+    desk = SessionController(SessionFolder(bench / "session"), bench / "store")
     desk.begin(bench / "bend.yaml", [])
     desk.run("improve", learned=True)
     desk.bench.wait()
@@ -366,7 +373,7 @@ def test_a_learned_term_is_drawn_where_there_are_data_and_saved(bench: Path) -> 
     at, knots = np.array(curve["knots"])
     assert np.allclose(np.interp(at, x, value), knots, atol=0.03 * np.ptp(knots))
     assert (x[0] < curve["ends"][0]) and (x[-1] > curve["ends"][1])
-    assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it says nothing
+    assert abs(value[[0, -1]]).max() < 1e-9 < np.ptp(value)  # beyond the data it makes no statement
     saved = api.open_study(desk.leaving.save()["path"], store=bench / "store")
     assert [effect.canonical() for effect in saved.study.effects] == [dict(one) for one in model["effects"]]
 
@@ -377,14 +384,16 @@ def test_forms_that_a_diagnosis_on_the_way_lets_vary_are_fitted_as_improve_fits_
     }
     later = {"forms": {"backlash": ["backlash"]}}
     effects = ({"kind": "viscoelastic", "share": 0.5},)
-    assert forms_of(["viscoelastic"], [((), first)]) == ["viscoelastic"]
-    assert forms_of(["backlash", "viscoelastic"], [((), first)]) == ["backlash"]  # the pair's own fit
-    assert forms_of(["dead_zone", "viscoelastic"], [((), first)]) == ["viscoelastic"]
-    assert forms_of(["backlash", "viscoelastic"], [(effects, later)]) == ["backlash"]
-    assert forms_of(["backlash"], [((), {})]) == []
+    assert varied_forms(["viscoelastic"], [((), first)]) == ["viscoelastic"]
+    assert varied_forms(["backlash", "viscoelastic"], [((), first)]) == ["backlash"]  # the fit of the pair
+    assert varied_forms(["dead_zone", "viscoelastic"], [((), first)]) == ["viscoelastic"]
+    assert varied_forms(["backlash", "viscoelastic"], [(effects, later)]) == ["backlash"]
+    assert varied_forms(["backlash"], [((), {})]) == []
 
 
-def test_the_robot_in_space_is_the_models_and_shows_no_error_of_runs_put_aside(desk: Desk) -> None:
+def test_the_robot_in_space_is_the_models_and_shows_no_error_in_held_out_runs(
+    desk: SessionController,
+) -> None:
     model = desk.opened()
     k = next(k for k in range(len(model.measurement.runs)) if k not in model.split.runs)
     aside = model.measurement.runs[model.split.runs[0]].name
@@ -399,7 +408,34 @@ def test_the_robot_in_space_is_the_models_and_shows_no_error_of_runs_put_aside(d
     assert (
         0.5 * np.degrees(np.abs(apart).max()) < error["limits"][1] <= 1.001 * np.degrees(np.abs(apart).max())
     )
-    assert "apart" in [one["name"] for one in found["colourings"]]  # from the model as it was
+    assert "apart" in [one["name"] for one in found["colourings"]]  # from the unmodified model
     assert not [one for one in desk.space(effects, aside)["colourings"] if one["name"].startswith("error")]
     with pytest.raises(UserError, match="no run 'nobody'"):
         desk.space(effects, "nobody")
+
+
+def test_notes_that_are_dropped_settle_what_a_recording_does_not_say(tmp_path: Path) -> None:
+    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
+
+    def drop(name: str, text: str) -> None:
+        (desk.folder.files / name).write_text(text)
+        desk.take(name)
+
+    with pytest.raises(UserError, match="drop the recording first"):
+        drop("bench.yaml", "units: {kanal_3: deg}\n")
+    rows = "\n".join(f"{0.1 * k:.1f},{k % 9},{2 * (k % 9)}" for k in range(40))
+    drop("bench.csv", f"time_s,pressure_kpa,kanal_3\n{rows}\n")
+    assert "kanal_3" in desk.view()["recording"]["refused"]
+    with pytest.raises(UserError, match=r"none that was dropped is called so; name it bench.yaml"):
+        drop("other.yaml", "rename: {kanal_3: angle_deg}\n")
+    with pytest.raises(UserError, match="leaves the session's folder"):
+        drop("bench.yaml", "join: ../../secret.csv\n")
+    drop("bench.yaml", "measurements:\n  file: bench.csv\n  rename: {kanal_3: angle_deg}\n")
+    found = desk.view()["recording"]
+    assert {one["heading"]: one["name"] for one in found["columns"]}["kanal_3"] == "angle_rad"
+
+
+def test_the_page_shows_the_doubts_about_the_study(desk):
+    """The study has no gravity; nothing else in it is doubtful."""
+    (said,) = desk.view()["model"]["study_doubts"]
+    assert "no gravity" in said

@@ -40,7 +40,7 @@ pytestmark = [
 
 
 def free_port() -> int:
-    """A free port that neither a page of another test (8642 and on) nor an outgoing connection takes meanwhile."""
+    """Return a free port that no page of another test (8642 and above) and no outgoing connection takes meanwhile."""
     for port in random.Random(os.getpid()).sample(range(20_000, 32_000), 20):
         with socket.socket() as tried, contextlib.suppress(OSError):
             tried.bind(("127.0.0.1", port))
@@ -49,7 +49,7 @@ def free_port() -> int:
 
 
 def started(folder: Path, store: Path, *options: str) -> tuple[subprocess.Popen[str], str]:
-    """A server on a session, and its address."""
+    """Start a server on a session and return it with its address."""
     command = [
         sys.executable,
         "-m",
@@ -105,11 +105,11 @@ def test_a_user_finds_the_hidden_effect(tmp_path: Path, browser: Any) -> None:
         page.click("#fit")
         page.wait_for_selector(".fitted", timeout=LONG)
         now = page.text_content("#history li.now")
-        aside = float(re.search(r"([\d.]+) on runs put aside", now)[1])
+        aside = float(re.search(r"([\d.]+) on runs held out", now)[1])
         assert aside < 1.2, now
         page.screenshot(path=PICTURES / "3-fitted.png", full_page=True)
 
-        server.kill()  # and a restart goes on, in the same tab
+        server.kill()  # a restarted server continues in the same tab
         server.wait()
         server, again = started(session, store)
         assert again == address
@@ -128,9 +128,7 @@ def test_a_user_finds_the_hidden_effect(tmp_path: Path, browser: Any) -> None:
         assert api.compare(api.open_study(saved, store=store)).rmse_over_floor < 1.2
         page.click("#dialog button")
 
-        report = (
-            browser.new_page()
-        )  # its scripts run, in an origin that reaches neither the page nor its token
+        report = browser.new_page()  # its scripts run in an origin without access to the page or its token
         report.on("console", lambda said: problems.append(said.text) if said.type == "error" else None)
         report.goto(address.replace("/?", "/report?"))
         report.wait_for_selector("figure.live .panel .u-over", timeout=LONG)

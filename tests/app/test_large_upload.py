@@ -1,4 +1,4 @@
-"""2 GB for a running server: refused with a sentence, whatever length is declared, in little memory."""
+"""A running server refuses 2 GB with a sentence and in little memory, whatever length is declared."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from pliant.app.inbox import MOST_BYTES
+from pliant_app.inbox import MOST_BYTES
 
 from .conftest import recording
 from .page_user import opened
@@ -29,10 +29,10 @@ pytestmark = pytest.mark.slow
 def sent(
     address: str, name: str, body: Iterator[bytes] | bytes, headers: dict[str, str]
 ) -> tuple[int, dict[str, str]]:
-    """The answer to an upload, whether or not the server took all of it."""
+    """Return the answer to an upload, whether or not the server read all of it."""
     at = urlsplit(address)
     link = http.client.HTTPConnection(at.netloc, timeout=120)
-    with suppress(ConnectionError):  # it is refused while it is sent; the answer is there
+    with suppress(ConnectionError):  # the server refuses it during the transfer; the answer has arrived
         link.request(
             "POST",
             f"/api/upload?name={name}",
@@ -63,7 +63,7 @@ def test_two_gigabytes_are_refused_in_bounded_memory(tmp_path: Path) -> None:
     try:
         assert sent(address, "bench.csv", recording().encode(), {})[0] == 200
         before, now = 0.0, memory_mb(server.pid, "VmRSS")
-        while now > before + 1.0:  # what the first study needs is still being imported
+        while now > before + 1.0:  # the files of the first study are still being imported
             time.sleep(1.5)
             before, now = now, memory_mb(server.pid, "VmRSS")
         for headers, most_taken in (
@@ -87,7 +87,7 @@ def test_two_gigabytes_are_refused_in_bounded_memory(tmp_path: Path) -> None:
 def test_the_page_refuses_two_gigabytes_by_itself(tmp_path: Path) -> None:
     big = tmp_path / "big.csv"
     with big.open("wb") as file:
-        file.truncate(TWO_GB)  # takes no room
+        file.truncate(TWO_GB)  # a refused file takes no disk space
     with opened(tmp_path / "session", tmp_path / "store") as (page, _):
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))

@@ -1,4 +1,4 @@
-"""What a session leaves: commands and a notebook that run, a page that stands alone."""
+"""The exports of a session: commands and a notebook that run, and a self-contained page."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ import pytest
 from tests.command import called
 
 from pliant import api
-from pliant.app.desk import Desk
-from pliant.app.leaving import Way, anywhere, commands, notebook
 from pliant.errors import UserError
 from pliant.notebook.study import StudyHandle
+from pliant_app.desk import SessionController
+from pliant_app.leaving import ModelHistory, anywhere, commands, notebook
 
 GAIN = ({"kind": "actuation_gain", "gain": 1.25},)
 
 
-def test_the_page_stands_alone_and_says_what_was_doubted(desk: Desk) -> None:
+def test_the_page_stands_alone_and_says_what_was_doubted(desk: SessionController) -> None:
     desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
     kept = Path(desk.leaving.keep("page")["kept_path"])
     html = kept.read_text("utf-8")
     assert "a bias that is not there" in html and "unseen runs become worse" in html
-    assert "17.19" in html  # 0.3 rad, in the degrees of the page
+    assert "17.19" in html  # 0.3 rad, in the page's unit of degrees
     shown = desk.view()["model"]["steps"][-1]
     assert f"{shown['aside']:.3g}" in html
     assert not re.search(r"(?:src|href)=\"http", html)
     assert desk.leaving.keep("page", "mine")["kept"] == "mine.html" and kept.exists()
 
 
-def test_a_copy_of_a_saved_study_reads_its_files_from_anywhere(desk: Desk, tmp_path: Path) -> None:
+def test_a_copied_study_reads_its_files_from_anywhere(desk: SessionController, tmp_path: Path) -> None:
     desk.step(GAIN, [], "by hand")
     copy = tmp_path / "downloads" / "mine.yaml"
     copy.parent.mkdir()
@@ -41,7 +41,7 @@ def test_a_copy_of_a_saved_study_reads_its_files_from_anywhere(desk: Desk, tmp_p
         assert api.compare(api.open_study(copy, store=tmp_path / "store")).rmse_over_floor < 1.2
 
 
-def test_commands_run_and_give_the_error_of_the_saved_study(desk: Desk, bench: Path) -> None:
+def test_commands_run_and_give_the_saved_study_error(desk: SessionController, bench: Path) -> None:
     desk.step(GAIN, [], "by hand")
     said = desk.leaving.keep("commands")
     lines = [shlex.split(one) for one in Path(said["kept_path"]).read_text().splitlines()[2:]]
@@ -54,7 +54,7 @@ def test_commands_run_and_give_the_error_of_the_saved_study(desk: Desk, bench: P
 
 
 def _value(found: object, key: str) -> float:
-    """The first of that key, however deep."""
+    """Return the first value of a key at any depth."""
     if isinstance(found, dict):
         if key in found and isinstance(found[key], float):
             return found[key]
@@ -67,7 +67,7 @@ def _value(found: object, key: str) -> float:
 
 
 def test_a_notebook_is_one_and_its_code_names_what_there_is(tmp_path: Path) -> None:
-    way = Way(
+    way = ModelHistory(
         tmp_path / "a.yaml", (tmp_path / "b's.csv",), True, "fit", ("leak",), False, tmp_path / "c.yaml"
     )
     made = json.loads(notebook(way, "bend"))
@@ -77,24 +77,24 @@ def test_a_notebook_is_one_and_its_code_names_what_there_is(tmp_path: Path) -> N
     compile(code, "notebook", "exec")
     assert f"robot.extend('leak', data=[{str(way.data[0])!r}])" in code
     assert all(hasattr(StudyHandle, verb) for verb in re.findall(r"robot\.(\w+)\(", code))
-    improved = notebook(Way(way.study, (), False, "improve", (), True, way.saved), "bend")
+    improved = notebook(ModelHistory(way.study, (), False, "improve", (), True, way.saved), "bend")
     assert "robot.improve(learned=True)" in improved
 
 
-def test_the_way_of_each_kind_of_work_in_commands(tmp_path: Path) -> None:
+def test_the_way_for_each_kind_in_commands(tmp_path: Path) -> None:
     study, data, saved = tmp_path / "a.yaml", (tmp_path / "b c.csv",), tmp_path / "s.yaml"
-    fitted = commands(Way(study, data, True, "fit", ("leak", "backlash"), False, saved))
+    fitted = commands(ModelHistory(study, data, True, "fit", ("leak", "backlash"), False, saved))
     assert [shlex.split(line)[1] for line in fitted] == ["compare", "diagnose", "extend", "compare"]
-    again = ["--out", str(tmp_path / "s-fitted.yaml"), "--force"]  # the script runs a second time, too
+    again = ["--out", str(tmp_path / "s-fitted.yaml"), "--force"]  # the script can be run a second time
     assert shlex.split(fitted[2])[3:] == [
         *("--effect", "leak", "--effect", "backlash", "--data", str(data[0])),
         *again,
     ]
-    improved = commands(Way(study, (), False, "improve", (), True, saved))
+    improved = commands(ModelHistory(study, (), False, "improve", (), True, saved))
     assert shlex.split(improved[1])[:4] == ["pliant", "improve", str(study), "--learned"]
 
 
-def test_nothing_else_is_kept(desk: Desk) -> None:
+def test_nothing_else_is_kept(desk: SessionController) -> None:
     with pytest.raises(UserError, match="page, notebook and commands"):
         desk.leaving.keep("../x")
     assert not list(desk.folder.saved.iterdir())

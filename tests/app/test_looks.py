@@ -1,16 +1,16 @@
-"""Colours of the page: text is read (4.5), marks and controls are seen (3), by WCAG 2.2's ratio of luminances."""
+"""Contrast of the page's colours by WCAG 2.2's ratio of luminances: 4.5 for text, 3 for marks and controls."""
 
 from __future__ import annotations
 
 import re
 from importlib import resources
 
-STATIC = resources.files("pliant.app") / "static"
+STATIC = resources.files("pliant_app") / "static"
 TEXT, MARK = 4.5, 3.0
 
 
 def contrast(one: str, other: str) -> float:
-    """WCAG 2.2, 1.4.3: (lighter + 0.05) / (darker + 0.05) of relative luminances."""
+    """Return the contrast ratio of WCAG 2.2, 1.4.3: (lighter + 0.05) / (darker + 0.05) of relative luminances."""
 
     def luminance(colour: str) -> float:
         parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
@@ -21,7 +21,7 @@ def contrast(one: str, other: str) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
-def test_colours_of_the_page_stand_out() -> None:
+def test_page_colours_stand_out() -> None:
     css, js = ((STATIC / name).read_text("utf-8") for name in ("page.css", "pictures.js"))
     named = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", css))
     drawn = dict(re.findall(r'([A-Z]+) = "(#[0-9a-f]{6})"', js))
@@ -30,7 +30,7 @@ def test_colours_of_the_page_stand_out() -> None:
     for text in (named["ink"], named["soft"], named["warn-line"]):
         assert min(contrast(text, paper) for paper in papers) >= TEXT
     assert contrast(named["warn-line"], named["warn"]) >= TEXT
-    assert contrast(named["paper"], named["model"]) >= TEXT  # of the button that is filled
+    assert contrast(named["paper"], named["model"]) >= TEXT  # of the filled button
     for mark in (
         named["edge"],
         named["plain"],
@@ -38,8 +38,8 @@ def test_colours_of_the_page_stand_out() -> None:
         *(drawn[k] for k in ("MODEL", "PLAIN", "MARK")),
     ):
         assert contrast(mark, named["paper"]) >= MARK
-    for mark in (drawn["INK"], drawn["FAINT"], drawn["MARK"]):  # readings on the band of the noise
+    for mark in (drawn["INK"], drawn["FAINT"], drawn["MARK"]):  # readings on the noise band
         assert contrast(mark, drawn["BAND"]) >= MARK
     assert "opacity" not in re.sub(
         r"[^}]*(?:input|\.bar) \{[^}]*\}", "", css
-    )  # thin text would be paler than named
+    )  # antialiasing makes thin text paler than its stated colour

@@ -1,4 +1,4 @@
-"""A scripted user of `python -m benchmarks.page_users` on a small recording, which the benchmark's sets are not."""
+"""A scripted user of `python -m benchmarks.page_users` on a small recording that is not in the benchmark's sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's socket sends an answer at once: a head does not wait for its acknowledgement before the body follows."""
+"""The page's socket sends an answer at once: the body does not wait for the acknowledgement of the header."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="pip install 'pliant[app]'")
 
-from pliant.app.folder import SessionFolder
-from pliant.app.page_state import PageState
-from pliant.app.server import _bound, session_folder
+from pliant_app.folder import SessionFolder
+from pliant_app.page_state import PageState
+from pliant_app.server import _bound, session_folder
 
 
-def test_two_studies_of_one_file_name_have_a_session_each(
+def test_two_studies_with_one_file_name_have_a_session_each(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""The server refuses what is not its own page, and takes files as data only."""
+"""The server refuses requests that do not come from its own page, and treats files as data only."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ pytest.importorskip("httpx2", reason="starlette's test client needs httpx2")
 
 from starlette.testclient import TestClient
 
-from pliant.app import inbox
-from pliant.app.desk import Desk
-from pliant.app.folder import SessionFolder
-from pliant.app.inbox import receive, safe_name
-from pliant.app.server import application
 from pliant.errors import UserError
 from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
 from pliant.report.document import Document, Picture, drawn, section
 from pliant.report.render import page
 from pliant.report.scene import DrawnScene
+from pliant_app import inbox
+from pliant_app.desk import SessionController
+from pliant_app.folder import SessionFolder
+from pliant_app.inbox import receive, safe_name
+from pliant_app.server import application
 
 from .conftest import STUDY, recording
 
@@ -34,8 +34,8 @@ MINE = {"x-pliant-token": TOKEN}
 
 
 @pytest.fixture
-def empty(tmp_path: Path) -> tuple[TestClient, Desk]:
-    desk = Desk(SessionFolder(tmp_path / "session"), tmp_path / "store")
+def empty(tmp_path: Path) -> tuple[TestClient, SessionController]:
+    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
     return TestClient(application(desk, TOKEN), base_url="http://127.0.0.1:8642"), desk
 
 
@@ -51,7 +51,9 @@ def empty(tmp_path: Path) -> tuple[TestClient, Desk]:
         {**MINE, "sec-fetch-site": "same-site"},
     ],
 )
-def test_foreign_requests_are_refused(empty: tuple[TestClient, Desk], headers: dict[str, str]) -> None:
+def test_foreign_requests_are_refused(
+    empty: tuple[TestClient, SessionController], headers: dict[str, str]
+) -> None:
     client, desk = empty
     for method, path in (("GET", "/api/view"), ("POST", "/api/example"), ("POST", "/api/upload?name=a.csv")):
         answer = client.request(method, path, headers=headers)
@@ -60,8 +62,8 @@ def test_foreign_requests_are_refused(empty: tuple[TestClient, Desk], headers: d
     assert desk.state.study == ""
 
 
-def test_a_form_of_another_site_cannot_bring_the_token_in_the_address(
-    empty: tuple[TestClient, Desk],
+def test_a_form_on_another_site_cannot_pass_the_token_in_the_address(
+    empty: tuple[TestClient, SessionController],
 ) -> None:
     client, desk = empty
     assert client.post(f"/api/example?token={TOKEN}").status_code == 403
@@ -69,13 +71,15 @@ def test_a_form_of_another_site_cannot_bring_the_token_in_the_address(
     assert desk.state.study == ""
 
 
-def test_no_page_may_frame_it_and_no_foreign_script_runs(empty: tuple[TestClient, Desk]) -> None:
+def test_no_page_may_frame_it_and_no_foreign_script_runs(empty: tuple[TestClient, SessionController]) -> None:
     policy = empty[0].get(f"/?token={TOKEN}").headers["content-security-policy"]
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
     assert "script-src 'self';" in policy
 
 
-def test_scripts_of_a_report_are_allowed_by_what_is_in_them(empty: tuple[TestClient, Desk]) -> None:
+def test_scripts_in_a_report_are_allowed_by_what_is_in_them(
+    empty: tuple[TestClient, SessionController],
+) -> None:
     client, desk = empty
     desk.folder.results.joinpath("a.html").write_text("<p>", "utf-8")
     policy = client.get("/result/a.html", headers=MINE).headers["content-security-policy"]
@@ -90,7 +94,7 @@ def test_scripts_of_a_report_are_allowed_by_what_is_in_them(empty: tuple[TestCli
 def _moving_document() -> Document:
     x = np.arange(3.0)
     chart = Chart((Panel(ChartAxis("a"), ChartAxis("b"), (ChartLine("measured", x, x),)),))
-    shown = Picture("one", "one", np.zeros(8, np.uint8), chart)
+    shown = Picture("one", "one", chart)
     scene = DrawnScene("state", ("a", "b"), (), (), (), np.eye(3), np.zeros(3), 1.0)
     turned = section("In space", Picture("two", "two", np.zeros(8, np.uint8), scene=scene))
     return Document(kind="k", title="t", sentence="s", data={}, draw=lambda: drawn(shown, turned))
@@ -99,11 +103,11 @@ def _moving_document() -> Document:
 @pytest.mark.parametrize(
     "path", ["/static/../desk.py", "/static/%2e%2e/desk.py", "/static/", "/result/..%2fsession.json"]
 )
-def test_nothing_but_its_own_files_is_served(empty: tuple[TestClient, Desk], path: str) -> None:
+def test_nothing_but_its_own_files_is_served(empty: tuple[TestClient, SessionController], path: str) -> None:
     assert empty[0].get(path, headers=MINE).status_code == 404
 
 
-def test_dropped_files_open_a_study(empty: tuple[TestClient, Desk]) -> None:
+def test_dropped_files_open_a_study(empty: tuple[TestClient, SessionController]) -> None:
     client, _ = empty
     assert client.post("/api/upload?name=bench.csv", headers=MINE, content=recording()).status_code == 200
     read = client.get("/api/view", headers=MINE).json()["recording"]
@@ -113,7 +117,7 @@ def test_dropped_files_open_a_study(empty: tuple[TestClient, Desk]) -> None:
     assert view["model"]["name"] == "bend"
 
 
-def test_hostile_names_are_inert(empty: tuple[TestClient, Desk]) -> None:
+def test_hostile_names_are_inert(empty: tuple[TestClient, SessionController]) -> None:
     assert safe_name("../../etc/passwd.csv") == "passwd.csv"
     assert safe_name("C:\\Windows\\x.CSV") == "x.csv"
     assert safe_name("<img src=x onerror=alert(1)>.csv") == "_img src=x onerror=alert(1)_.csv"
@@ -138,7 +142,7 @@ def test_hostile_names_are_inert(empty: tuple[TestClient, Desk]) -> None:
     ],
 )
 def test_a_dropped_study_runs_nothing_and_stays_in_its_folder(
-    empty: tuple[TestClient, Desk], line: str
+    empty: tuple[TestClient, SessionController], line: str
 ) -> None:
     client, desk = empty
     text = STUDY.replace("measurements: {file: bench.csv}", line)
@@ -152,7 +156,7 @@ def test_a_dropped_study_runs_nothing_and_stays_in_its_folder(
 
 
 def test_an_upload_is_bounded_whatever_it_declares(
-    empty: tuple[TestClient, Desk], monkeypatch: pytest.MonkeyPatch
+    empty: tuple[TestClient, SessionController], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     client, desk = empty
     two_gb = {**MINE, "content-length": str(2 * 1024**3)}
@@ -176,7 +180,7 @@ def test_a_body_that_breaks_off_leaves_no_file(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_run_names_of_a_recording_stay_text(empty: tuple[TestClient, Desk]) -> None:
+def test_run_names_in_a_recording_stay_text(empty: tuple[TestClient, SessionController]) -> None:
     client, _ = empty
     hostile = recording().replace("r0,", "<script>alert(1)</script>,")
     client.post("/api/upload?name=bench.csv", headers=MINE, content=hostile)
@@ -188,7 +192,7 @@ def test_run_names_of_a_recording_stay_text(empty: tuple[TestClient, Desk]) -> N
     assert "innerHTML" not in page
 
 
-def test_a_request_that_is_not_understood_says_so(empty: tuple[TestClient, Desk]) -> None:
+def test_a_request_that_is_not_understood_says_so(empty: tuple[TestClient, SessionController]) -> None:
     client, _ = empty
     for body in (b"[1]", b"{", b"{}"):
         answer = client.post("/api/preview", headers=MINE, content=body)

@@ -1,4 +1,4 @@
-"""The page in headless Chromium: two tabs, a reload and a kill in the middle of work, wrong files, keys, a phone."""
+"""The page in headless Chromium: two tabs, a reload and a kill during a computation, wrong files, keys, a phone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DONE = "#history li.now"
 
 @pytest.fixture
 def files(tmp_path: Path) -> list[Path]:
-    """A recording and its study."""
+    """Return a recording and its study."""
     found = [tmp_path / "bench.csv", tmp_path / "bend.yaml"]
     for file, text in zip(found, (recording(), STUDY), strict=True):
         file.write_text(text)
@@ -29,7 +29,7 @@ def files(tmp_path: Path) -> list[Path]:
 
 @pytest.fixture
 def user(tmp_path: Path) -> Iterator[PageUser]:
-    """On an empty page."""
+    """Yield a user on an empty page."""
     with opened(tmp_path / "session", tmp_path / "store") as (page, _):
         yield PageUser(page)
 
@@ -53,7 +53,7 @@ def test_two_tabs_show_one_session_and_a_reload_in_a_fit_loses_nothing(
     results = tmp_path / "session" / "results"
     before = {file: file.stat().st_mtime_ns for file in results.glob("fit*")}
     assert len([file for file in before if file.suffix == ".json"]) == 1
-    other.page.click("#fit")  # it is there already
+    other.page.click("#fit")  # the file is already loaded
     other.page.wait_for_timeout(1500)
     other.settled()
     assert {file: file.stat().st_mtime_ns for file in results.glob("fit*")} == before
@@ -76,7 +76,7 @@ def test_quick_clicks_on_runs_are_all_kept_and_pictures_show_what_is_there(
     user.until(f"view.model.off.length === {len(names) - 1}")
     page.check("#seeaside")
     user.settled()
-    for name in ("time", "residual"):  # every reading that is on lies within the axes
+    for name in ("time", "residual"):  # every displayed reading is within the axes
         assert page.evaluate(
             "name => { const {shown: s, view: v} = pictures[name]; return s.x.every((x, k) => "
             "!s.on[k] || x === null || s.y[k] === null || "

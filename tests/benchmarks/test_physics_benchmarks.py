@@ -1,4 +1,4 @@
-"""What the physics benchmarks are made of: the helix, the rod, the baseline, the networks, closed paths, verdicts."""
+"""The parts of the physics benchmarks: the helix, the rod, the baseline, the networks, closed paths, verdicts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.physics import closed_paths, cosserat, designs, helix, published
 from benchmarks.physics.helix import UnmappedLaw, random_cases
 from benchmarks.physics.published import fit_errors, network_law
 
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.mechanics.statics import ChainStatics
 from pliant.records.chain import ChainModel
 from pliant.records.law import JointLaw
@@ -23,7 +23,7 @@ from pliant_plugins.surrogates.polynomial.study import fit_study
 STILL = Quasistatic(QuasistaticConfig())
 
 
-def test_the_stated_coefficients_are_those_of_the_published_table() -> None:
+def test_the_stated_coefficients_equal_the_published_table() -> None:
     table = helix.read_table()
     if table is None:
         pytest.skip(f"reference data absent: {helix.FEM_TABLE}")
@@ -45,25 +45,25 @@ def test_the_helix_is_the_published_one() -> None:
     )
     turns = [np.arctan2(j.rest_rotation[2, 1], j.rest_rotation[1, 1]) for j in chain.joints]
     np.testing.assert_allclose(np.cumsum(turns)[[0, 5, 10, 16]], [0, 0.85, 1.44, 2.45])
-    assert sum(spec.modules for spec in helix.of_size(30)) == 30
+    assert sum(spec.modules for spec in helix.sized_segments(30)) == 30
 
 
 @pytest.mark.parametrize("frame", ["child", "parent"])
-def test_slopes_of_an_unmapped_law(frame: str) -> None:
+def test_slopes_in_an_unmapped_law(frame: str) -> None:
     law = UnmappedLaw(helix.linear_law(), frame)  # type: ignore[arg-type]
     u, p = np.random.default_rng(0).normal(size=(3, 3)), np.full(3, 1e4)
     exact = law.evaluate(p, u).dtau_du
     for k, step in enumerate(1e-6 * np.eye(3)):
         found = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / 2e-6
         np.testing.assert_allclose(found, exact[:, :, k], atol=1e-9)
-    assert np.abs(exact - exact.transpose(0, 2, 1)).max() > 1e-4  # no energy
+    assert np.abs(exact - exact.transpose(0, 2, 1)).max() > 1e-4  # no energy term
 
 
 def test_closed_paths_tell_the_maps_apart() -> None:
     energy = ChainStatics(closed_paths.weightless(helix.helix_law()))
     wrong = closed_paths.weightless(UnmappedLaw(helix.helix_law(), "child"))
     leaks = [
-        closed_paths.leak(closed_paths.of_statics(chain), energy, seed=0, points=300)
+        closed_paths.leak(closed_paths.static_efforts(chain), energy, seed=0, points=300)
         for chain in (closed_paths.weightless(helix.helix_law()), wrong)
     ]
     assert leaks[0] < 5e-6
@@ -75,8 +75,8 @@ def test_efforts_measured_at_an_engines_joints_are_the_laws() -> None:
     chain = closed_paths.weightless(helix.helix_law())
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (4, 3))
     with Pybullet(PybulletConfig(joint_damping=0.0)).build(chain) as simulation:
-        measured = closed_paths.of_engine(simulation, chain)(q)
-    np.testing.assert_allclose(measured, closed_paths.of_statics(chain)(q), atol=1e-7)
+        measured = closed_paths.engine_efforts(simulation, chain)(q)
+    np.testing.assert_allclose(measured, closed_paths.static_efforts(chain)(q), atol=1e-7)
 
 
 def test_networks_fit_and_know_their_slopes() -> None:
@@ -88,16 +88,16 @@ def test_networks_fit_and_know_their_slopes() -> None:
     np.testing.assert_array_equal(effort.tau, networks.efforts(9e3, u))
     exact = np.diagonal(law.evaluate(p, u).dtau_du, axis1=1, axis2=2)
     slopes = np.diagonal(effort.dtau_du, axis1=1, axis2=2)
-    np.testing.assert_allclose(slopes, exact, atol=0.01)  # piecewise constant, of the right size
+    np.testing.assert_allclose(slopes, exact, atol=0.01)  # piecewise constant, of the expected size
     net, sample = networks.networks[1], (9e3, 0.35)
     found = (net.value(9e3, 0.352) - net.value(9e3, 0.348)) / 0.004
     assert net.slopes(*sample)[1] == pytest.approx(found, rel=0.1)
 
 
 def test_the_bare_script_moves_as_the_engine_without_friction(monkeypatch: pytest.MonkeyPatch) -> None:
-    """30 ms of fall: the same dynamics, twice written, but for Bullet's link damping and the length of steps.
+    """Compare 30 ms of fall in two implementations, which differ by Bullet's link damping and the step length.
 
-    Moments of inertia are raised, so that the engine's floors under them do not tell.
+    Moments of inertia are raised so that the engine's lower bounds on them have no effect.
     """
     pytest.importorskip("pybullet")
     monkeypatch.setattr(published, "DURATION_S", 0.03)
@@ -111,7 +111,7 @@ def test_the_bare_script_moves_as_the_engine_without_friction(monkeypatch: pytes
         )
 
     chain = heavy(law)
-    bare = published.run(chain, helix.efforts_of(law), 0.02, motor_n_m=0.0)
+    bare = published.run(chain, helix.law_efforts(law), 0.02, motor_n_m=0.0)
     with Pybullet(PybulletConfig(joint_damping=0.0)).build(heavy(UnmappedLaw(law, "child"))) as simulation:
         _ramp(simulation, 0.03)
         moved = simulation.markers()
@@ -153,7 +153,7 @@ def test_a_rod_let_go_swings_as_a_beam_does() -> None:
     assert free.angle[0] == pytest.approx(0.05 * LENGTH_M)
 
     def left(first_hz: float) -> float:
-        """What two modes in the beam's ratio leave of the motion."""
+        """Return the norm of the motion that two modes with the beam's frequency ratio do not fit."""
         angle = 2 * np.pi * first_hz * np.outer(free.time_s, BEAM_HZ / BEAM_HZ[0])
         waves = np.hstack([np.cos(angle), np.sin(angle)])
         return float(np.linalg.norm(free.angle - waves @ np.linalg.lstsq(waves, free.angle, rcond=None)[0]))

@@ -1,4 +1,4 @@
-"""What the benchmarks of measured hardware are made of; their tables are printed by `make bench-real`."""
+"""The parts of the benchmarks on measured hardware; `make bench-real` prints their tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.real import baselines, elastomer, five, recordings, splits, tentacle, two_bellow
 from benchmarks.real.held_out import held_out
-from benchmarks.real.measured_bench import MeasuredBench, predictor_of
+from benchmarks.real.measured_bench import MeasuredBench, study_predictor
 from benchmarks.real.static_laws import FOLDS, chosen, folds, static_laws
 
 import pliant
@@ -23,7 +23,7 @@ BENCHES = {
 
 
 def needs(name: str) -> Any:
-    """Skips a test where a recording is not here."""
+    """Skip a test where a recording is not available."""
     path = recordings.MEASURED / name
     return pytest.mark.skipif(not path.is_file(), reason=f"{path} is not here")
 
@@ -63,22 +63,23 @@ def test_the_draw_depends_on_names_alone() -> None:
 
 
 @needs("tendon_tentacle.csv")
-def test_shapes_of_the_tentacle_are_told_in_the_order_of_its_body() -> None:
-    """Whatever the camera called its markers; the authors' own list of two files agrees."""
+def test_tentacle_shapes_are_listed_in_body_order() -> None:
+    """Points are ordered along the body whatever the markers are called; the authors' own list of two files agrees."""
     shapes = {
-        run: tentacle.markers_of(rows) for run, rows in recordings.runs_of(["tendon_tentacle.csv"]).items()
+        run: tentacle.marker_positions(rows)
+        for run, rows in recordings.read_runs(["tendon_tentacle.csv"]).items()
     }
     for shape in shapes.values():
         steps = np.linalg.norm(np.diff(shape, axis=0), axis=1)
         assert np.all((steps > 0.06) & (steps < 0.1))
-    assert shapes["m1_u025"][3] == pytest.approx([0.0466, 0.0857, -0.0908], abs=2e-3)  # it curls back
+    assert shapes["m1_u025"][3] == pytest.approx([0.0466, 0.0857, -0.0908], abs=2e-3)  # the body curls back
     assert shapes["m1_u015"][3] == pytest.approx([0.0759, 0.1499, -0.2443], abs=2e-4)
     assert tentacle.tension_n("m1_u015") == pytest.approx(0.15 / 0.0325)
 
 
 def test_the_tentacle_is_as_stiff_and_heavy_as_its_cones(tmp_path: Path) -> None:
     path = tmp_path / "tentacle.yaml"
-    path.write_text(tentacle.study_of(1e6, 1000.0))
+    path.write_text(tentacle.study_text(1e6, 1000.0))
     segments = pliant.open(path, store=tmp_path).config.chain.segments
     volume = sum(np.pi * size * (a * a + a * b + b * b) / 3 for size, a, b, _ in tentacle.CONES)
     assert sum(s.module_mass_kg for s in segments) == pytest.approx(1000.0 * volume, rel=1e-4)
@@ -89,30 +90,30 @@ def test_the_tentacle_is_as_stiff_and_heavy_as_its_cones(tmp_path: Path) -> None
 
 
 @needs("elastomer_strip.csv")
-def test_the_relaxed_rubber_is_that_of_the_training_holds() -> None:
+def test_the_relaxed_rubber_equals_the_training_holds() -> None:
     tests = {
         name: elastomer.thinned(rows)
-        for name, rows in recordings.runs_of(["elastomer_strip.csv"], "test").items()
+        for name, rows in recordings.read_runs(["elastomer_strip.csv"], "test").items()
     }
     modulus = elastomer.relaxed_modulus(tests, ["relax_2d5", "relax_3d5", "relax_5d0"])
     assert 12.0 < modulus < 14.0
-    assert 0.5 < elastomer.scatter_of(tests) < 3.0
+    assert 0.5 < elastomer.specimen_scatter(tests) < 3.0
 
 
 @needs("two_bellow_bending_more.csv")
-def test_the_runs_of_the_two_bellow_bench(tmp_path: Path) -> None:
+def test_the_runs_on_the_two_bellow_bench(tmp_path: Path) -> None:
     runs = two_bellow.read(tmp_path)
     assert set(runs) == {"7V", "12V", "9V", "7V_again"}
     for run in runs.values():
         assert np.corrcoef(run.p1 - run.p2, run.angle)[0, 1] > 0.9
         assert -0.1 < run.zero < 0.05
-    repeat = two_bellow.repeat_of(runs["7V"], runs["7V_again"])
+    repeat = two_bellow.compare_repeat(runs["7V"], runs["7V_again"])
     assert 0.0 < repeat.moved < repeat.by_clock < 0.03
     assert abs(repeat.shift_s) < 1.0
 
 
 def test_splits_are_the_draw() -> None:
-    """What judges was drawn from names; benches with one file of a kind are split by their clock."""
+    """Judged runs were drawn by name; benches with one file per kind are split in time."""
     for bench, (groups, each) in splits.draws().items():
         judged = {one.run for one in splits.stretches(bench, "judge")}
         assert judged == set(held_out(groups, each))
@@ -139,7 +140,7 @@ def test_a_stretch_leaves_the_rest_out() -> None:
 
 
 def lagging(seed: int, name: str) -> baselines.Series:
-    """A first-order lag of 2 s of a random input, squared: what the second baseline is made for."""
+    """Return a first-order lag of 2 s of a random input, squared, which the second baseline can represent."""
     rng = np.random.default_rng(seed)
     time = 0.1 * np.arange(600)
     driven = np.repeat(rng.uniform(-1, 1, 30), 20)[:, None]
@@ -166,7 +167,7 @@ def test_baselines_are_chosen_on_blocks_and_find_what_they_are_made_for() -> Non
 
 
 def test_an_arx_model_runs_freely() -> None:
-    """y' = 0.9 y + 0.1 u, from its first reading alone: no later reading is looked at."""
+    """y' = 0.9 y + 0.1 u is simulated from its first reading alone; later readings are not used."""
     rng = np.random.default_rng(0)
     driven = rng.standard_normal((400, 1))
     read = np.zeros((400, 1))
@@ -180,7 +181,7 @@ def test_an_arx_model_runs_freely() -> None:
     np.testing.assert_allclose(predict(blinded), read, atol=1e-6)
 
 
-def test_a_zero_of_each_run_is_taken_off_for_every_model() -> None:
+def test_a_zero_in_each_run_is_subtracted_for_every_model() -> None:
     series = lagging(0, "a")
     off = [series.outputs + 3.0]
     assert baselines.miss([series], off, (True,), None)[0] == pytest.approx(0.0, abs=1e-20)
@@ -196,7 +197,7 @@ def test_without_its_files_a_bench_says_so(
     assert capsys.readouterr().out.startswith(f"skipped: {Path('nowhere') / name}")
 
 
-# What the law that was fitted to the training runs leaves on them, by the first output: rms, SI.
+# Residual of the law fitted to the training runs on those runs, first output: rms, SI.
 LEFT = {
     "soft_arm": ("tip_x_m", 4e-3, 9e-3),
     "three_bellow_link": ("curvature_y_1_per_m", 0.05, 0.3),
@@ -216,4 +217,4 @@ def test_a_bench_is_read_and_compared_as_its_logger_wrote_it(name: str, tmp_path
     found = study.compare().record
     output, low, high = LEFT[name]
     assert low < found.outputs[output].rmse < high
-    assert any("fitted to the readings" in said for said in predictor_of(study).remarks)
+    assert any("fitted to the readings" in said for said in study_predictor(study).remarks)

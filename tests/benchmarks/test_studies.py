@@ -1,4 +1,4 @@
-"""The design studies: the small one end to end, its JSON and its page; parts, bars and scores."""
+"""The design studies: the small one end to end with its JSON and its page; parts, thresholds and scores."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from benchmarks.studies.command import (
     Parts,
     brief,
     kernel_s,
-    made_of,
     published_parts,
     run_command,
     spread,
+    study_digest,
 )
-from benchmarks.studies.gripper_bars import of_seeds, rise_m, stable, worst_law
+from benchmarks.studies.gripper_bars import rise_m, seed_statistics, stable, worst_law
 from benchmarks.studies.page import DOCS, MARK, number, publish, reached, rendered
 from benchmarks.studies.shape_bars import apart, bars
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.records.search import FoundDesign, SearchHistory, SearchResult
-from pliant.search.problem.search_problem import SearchProblem
+from pliant_search.problem.search_problem import SearchProblem
+from pliant_search.records import FoundDesign, SearchHistory, SearchResult
 
 CONTRACT = ("best", "objective", "history", "evaluations", "wall_s", "verified", "machine", "published")
 SMALL = shape_matching.SMALL[0].file
@@ -44,7 +44,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Given, dict[str, An
     return given, shape_matching.study(given)
 
 
-def of_docs(name: str) -> str:
+def read_page(name: str) -> str:
     return (DOCS / f"{name}.md").read_text(encoding="utf-8")
 
 
@@ -61,18 +61,18 @@ def test_the_small_study_writes_what_the_contract_names(small: tuple[Given, dict
     assert written["reference_kernel_s"] > 0
     assert written["wall_in_kernels"] == pytest.approx(written["wall_s"] / written["reference_kernel_s"])
     assert written["evaluations"] == 9
-    assert given.store_of(
+    assert given.part_store(
         "helix"
-    ).is_dir()  # its own: candidates of other searches would be time that it did not take
+    ).is_dir()  # its own store: with cached candidates of other searches the measured time would be too short
     assert written["published"]["verified"]["rmse_m"] == 5.05e-3
     best = [row["best"] for row in written["history"]]
     assert best == sorted(best, reverse=True)
     assert written["objective"] == pytest.approx(best[-1])
-    assert not written["bars"]  # a taste is not judged
+    assert not written["bars"]  # a small run is not judged
 
 
 @pytest.mark.slow
-def test_the_winner_and_the_structures_are_those_of_the_search(small: tuple[Given, dict[str, Any]]) -> None:
+def test_the_winner_and_the_structures_equal_the_search(small: tuple[Given, dict[str, Any]]) -> None:
     _, result = small
     found = result["structures"]
     assert [sum(one["values"].values()) for one in found] == [26, 26, 26]
@@ -80,7 +80,7 @@ def test_the_winner_and_the_structures_are_those_of_the_search(small: tuple[Give
     assert [one["best"] for one in found] == sorted(one["best"] for one in found)
     lines = result["runs"]["helix"]["lines"]
     apart_m = np.linalg.norm(np.array(lines["backbone_m"]) - np.array(lines["target_m"]), axis=1)
-    assert apart_m[0] < 1e-6  # both start at the base
+    assert apart_m[0] < 1e-6  # both start from the base design
     assert np.sqrt(np.mean(apart_m**2)) == pytest.approx(result["objective"], rel=0.02)
     assert lines["laws"] == "the search"
 
@@ -90,12 +90,12 @@ def test_a_finished_part_is_not_made_again(small: tuple[Given, dict[str, Any]], 
     given, result = small
     monkeypatch.setattr(shape_matching, "searched", lambda *_: pytest.fail("searched again"))
     assert shape_matching.study(given) == result
-    with pytest.raises(BaseException, match="searched again"):  # another study is not what was finished
+    with pytest.raises(BaseException, match="searched again"):  # results of another study are not reused
         shape_matching.study(Given(**{**vars(given), "overrides": ("meta_model.folds=2", "search.budget=4")}))
 
 
 def judged(small: tuple[Given, dict[str, Any]], verified_m: float) -> dict[str, Any]:
-    """The result as a full study would give it, with numbers of a check."""
+    """Return the result as a full study would give it, with numbers of a check."""
     part = json.loads((small[0].folder / "helix.json").read_text())
     law = {"name": "R 6 mm", "n_states": 321, "rmse_of_range": 0.0123, "worst_of_range": 0.0456}
     here, other = {"rmse_m": verified_m, "e_max_m": 2.5e-3}, {"rmse_m": 1.4e-3, "e_max_m": 2.6e-3}
@@ -106,9 +106,9 @@ def judged(small: tuple[Given, dict[str, Any]], verified_m: float) -> dict[str, 
 
 
 @pytest.mark.slow
-def test_the_page_has_the_numbers_of_the_json(small: tuple[Given, dict[str, Any]], tmp_path: Path) -> None:
+def test_the_page_has_the_numbers_in_the_json(small: tuple[Given, dict[str, Any]], tmp_path: Path) -> None:
     result = judged(small, 1.234e-3)
-    (tmp_path / "shape_matching.md").write_text(of_docs("shape_matching"))
+    (tmp_path / "shape_matching.md").write_text(read_page("shape_matching"))
     written = publish("shape_matching", shape_page.TABLES, shape_page.PICTURES, result, tmp_path)
     assert all(path.is_file() for path in written)
     text = (tmp_path / "shape_matching.md").read_text()
@@ -132,14 +132,14 @@ def test_the_page_has_the_numbers_of_the_json(small: tuple[Given, dict[str, Any]
 
 @pytest.mark.parametrize("name, tables", [("shape_matching", shape_page), ("gripper_codesign", gripper_page)])
 def test_pages_without_a_result_hold_no_figures(name: str, tables: Any) -> None:
-    found = marks(of_docs(name))
+    found = marks(read_page(name))
     assert set(found) == set(tables.TABLES)
     if not (DOCS / f"{name}.json").is_file():
         assert "not been run" in found.pop("state")
         assert not any(found.values())
 
 
-def test_parts_of_another_study_are_out_of_date(tmp_path: Path) -> None:
+def test_parts_from_another_study_are_outdated(tmp_path: Path) -> None:
     parts, made = Parts(tmp_path), list[int]()
 
     def make() -> dict[str, Any]:
@@ -164,7 +164,7 @@ def test_a_published_part_stands_in_for_one_that_is_missing(small: tuple[Given, 
     of = docs["helix"]["made_of"]
     elsewhere = Parts(given.out / "nowhere", published=docs)
     assert elsewhere.known("helix", "another study") is None
-    assert elsewhere.find("helix", of) is None  # what is asked for is run
+    assert elsewhere.find("helix", of) is None  # the requested part is run
     part = elsewhere.known("helix", of)
     assert part is not None
     again = shape_matching.assembled({"helix": part}, {"small": True, "overrides": result["overrides"]})
@@ -203,7 +203,7 @@ def test_a_published_table_over_seeds_is_kept_and_completed(
     made = seeds("out", {}, only=("seeds",), seeds=2, seed_grasps=60)["ppo"]
     assert ran == ["seed_ppo_1_60", "seed_ppo_2_60"]
     docs = {part["part"]: part for part in made}
-    assert seeds("elsewhere", docs, only=("cmaes",))["ppo"] == made  # whatever is run, it stays published
+    assert seeds("elsewhere", docs, only=("cmaes",))["ppo"] == made  # the published value stays
     assert len(ran) == 2
     more = seeds("elsewhere", docs, only=("seeds",), seeds=3, seed_grasps=60)["ppo"]
     assert more[:2] == made
@@ -212,17 +212,17 @@ def test_a_published_table_over_seeds_is_kept_and_completed(
     assert ran[3:] == ["seed_ppo_1_60"]
 
 
-def test_what_a_part_is_made_of_follows_the_study(tmp_path: Path) -> None:
-    def of(*overrides: str) -> str:
-        return made_of(api.open_study(SMALL, overrides, store=tmp_path).study)
+def test_the_part_digest_follows_the_study(tmp_path: Path) -> None:
+    def digest(*overrides: str) -> str:
+        return study_digest(api.open_study(SMALL, overrides, store=tmp_path).study)
 
-    assert of() == of()
-    assert len({of(), of("search.seed=2"), of("task.pressure=12 kPa")}) == 3
+    assert digest() == digest()
+    assert len({digest(), digest("search.seed=2"), digest("task.pressure=12 kPa")}) == 3
     table = tmp_path / "table.csv"
     table.write_text("1")
-    first = of(f"meta_model.data={table}")
+    first = digest(f"meta_model.data={table}")
     table.write_text("2")
-    assert of(f"meta_model.data={table}") != first
+    assert digest(f"meta_model.data={table}") != first
 
 
 def test_bars() -> None:
@@ -248,7 +248,7 @@ def test_the_kernel_takes_time_and_rows_keep_both_ends() -> None:
 
 
 def policy_result() -> SearchResult:
-    """Two tasks of three candidates each, one of which was refused; to be maximised."""
+    """Return the result of two tasks of three candidates each, one of them refused, to be maximised."""
     objectives = np.array([[-1.0], [-5.0], [-3.0], [np.nan], [-2.0], [-6.0]])
     history = SearchHistory(
         np.zeros(6, int), np.array([0, 1, 0, 1, 0, 1]), {"a": np.arange(6.0), "b": np.arange(6.0)},
@@ -278,17 +278,17 @@ def test_successes_are_counted() -> None:
     tasks = gripper_part(0.9, 1.0)["verified"]["conditions"]["mujoco"]
     assert stable(tasks) == (19, 20)
     assert rise_m(tasks) == pytest.approx(0.04)
-    assert of_seeds([{"score": 1.0}, {"score": 3.0}]) == pytest.approx(
+    assert seed_statistics([{"score": 1.0}, {"score": 3.0}]) == pytest.approx(
         {"mean": 2.0, "sd": np.sqrt(2), "low": 1.0, "high": 3.0}
     )
-    assert number(of_seeds([{"score": 1.0}])["sd"]) == "–"
+    assert number(seed_statistics([{"score": 1.0}])["sd"]) == "–"
     laws = [{"rmse_of_largest": 0.01}, {"rmse_of_largest": 0.02}, {}]
     assert worst_law({"verified": {"laws": laws}}) == 0.02
     assert worst_law(None) is None
 
 
 def gripper_part(held: float, score: float) -> dict[str, Any]:
-    """A finished search over two tasks, checked in two engines, as a part keeps it."""
+    """Return a finished search over two tasks, checked in two engines, as stored for a part."""
     egg = {"success_share": held, "trials": 10.0, "z_max_m": 0.05}
     cylinder = {"success_share": 1.0, "trials": 10.0, "z_max_m": 0.03}
     values = {"r": 2.5e-3, "modules": 7, "egg_inset": 0.012, "cylinder_inset": 0.001}
@@ -313,14 +313,14 @@ def gripper_part(held: float, score: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def test_the_gripper_page_has_the_numbers_of_its_result(tmp_path: Path) -> None:
+def test_the_gripper_page_has_its_result_numbers(tmp_path: Path) -> None:
     part = gripper_part(1.0, 4.5)
     engines = {"mujoco": {"egg": {"success_share": 0.3, "trials": 10.0, "z_max_m": 0.02}}}
     base = {"engines": engines, "design": {"r": 2e-3, "modules": 6}, "laws": "direct FEM", "notes": []}
     over_seeds = {"ppo": [gripper_part(1.0, 4.0), gripper_part(1.0, 5.0)], "cmaes": []}
     stated = {"small": False, "overrides": ["search.seed=3"]}
     result = gripper_codesign.assembled({"ppo": part}, base, over_seeds, stated)
-    (tmp_path / "gripper_codesign.md").write_text(of_docs("gripper_codesign"))
+    (tmp_path / "gripper_codesign.md").write_text(read_page("gripper_codesign"))
     written = publish("gripper_codesign", gripper_page.TABLES, gripper_page.PICTURES, result, tmp_path)
     assert len([path for path in written if path.suffix == ".png" and path.stat().st_size < 200_000]) == 3
     found = marks((tmp_path / "gripper_codesign.md").read_text())
@@ -330,7 +330,7 @@ def test_the_gripper_page_has_the_numbers_of_its_result(tmp_path: Path) -> None:
     assert "| `ppo` | pybullet | 20/20 | 40.0 mm | direct FEM |" in found["grasps"]
     assert "| `ppo` | r 2.5 mm | 99 | 0.62 % | 3 % | – |" in found["laws"]
     assert "| `ppo` | 2 | 600 | 4.500 ± 0.707 | 4.000 to 5.000 |" in found["seeds"]
-    assert "| egg_inset | – | 12 mm | – |" in found["designs"]  # of a policy only where it acts
+    assert "| egg_inset | – | 12 mm | – |" in found["designs"]  # a policy is checked only where it acts
     assert "of the largest torque | ≤ 1 % | 0.62 % | met | 3.21 % |" in found["reached"]
     assert found["reached"].count("100 % | met") == 2
     worse = gripper_codesign.assembled({"ppo": gripper_part(0.9, 4.5)}, None, {}, stated)
@@ -347,7 +347,7 @@ def test_equal_grasps_are_equal_whoever_searches(tmp_path: Path) -> None:
 
 def test_the_small_gripper_study_can_be_searched(tmp_path: Path) -> None:
     opened = gripper_codesign.small()[0].opened(tmp_path, quiet=True)
-    problem = SearchProblem.of(gripper_codesign.few(opened.study), opened.bench.registry)
+    problem = SearchProblem.from_study(gripper_codesign.few(opened.study), opened.bench.registry)
     assert [condition.name for condition in problem.conditions] == ["egg-5", "cylinder-4"]
     acts = {"egg-5": ["egg_inset"], "cylinder-4": ["cylinder_inset"]}
     assert gripper_bars.acting(problem) == acts

@@ -1,4 +1,4 @@
-"""A command line to call in-process and studies to call it with."""
+"""A command line to call in-process, and studies for it."""
 
 import json
 import os
@@ -41,15 +41,15 @@ task: {kind: free_bending, pressure: 15 kPa}
 
 
 def interrupted(arguments, working):
-    """Start the command, press Ctrl-C once it is `working()`, and see that it and its workers end as they should."""
+    """Start the command, press Ctrl-C once `working()` is true, and check that it and its workers end correctly."""
     command = [sys.executable, "-m", "pliant", *map(str, arguments)]
     process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
     until = time.monotonic() + 120
     while not working():
         assert time.monotonic() < until
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers too
-    said = process.communicate(timeout=150)[1].decode()  # busy machines begin their workers slowly
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the signal reaches the workers too
+    said = process.communicate(timeout=150)[1].decode()  # loaded machines start their workers slowly
     assert process.returncode == 130, said
     assert "finished work is kept, run the same command to go on" in said and "Traceback" not in said
     with pytest.raises(ProcessLookupError):
@@ -60,7 +60,7 @@ def interrupted(arguments, working):
 
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
-    """An empty current folder."""
+    """Return an empty working folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PLIANT_STORE", raising=False)
     return tmp_path
@@ -68,14 +68,14 @@ def workplace(tmp_path, monkeypatch):
 
 @pytest.fixture
 def pliant(workplace):
-    """Call the command; a traceback is a failure of the test."""
+    """Return a function that calls the command; a traceback fails the test."""
 
     return called
 
 
 @pytest.fixture
-def json_of(pliant):
-    """Call the command, which must end with 0; its JSON."""
+def run_json(pliant):
+    """Return a function that calls the command, checks its exit code and returns its JSON."""
 
     def call(*arguments, code=0):
         pliant(*arguments, "--json", "result.json").done(code)
@@ -86,7 +86,7 @@ def json_of(pliant):
 
 @pytest.fixture
 def write(workplace):
-    """Write a study and return its path."""
+    """Return a function that writes a study and returns its path."""
 
     def writer(text, name="study.yaml"):
         path = workplace / name
@@ -98,7 +98,7 @@ def write(workplace):
 
 @pytest.fixture
 def read():
-    """Read a JSON result."""
+    """Return a function that reads a JSON result."""
     return lambda path: json.loads(Path(path).read_text())
 
 

@@ -1,4 +1,4 @@
-"""One joint with a payload and a stated law, as the evidence verbs' tests study it."""
+"""One joint with a payload and a stated law, used by the tests of the evidence verbs."""
 
 from __future__ import annotations
 

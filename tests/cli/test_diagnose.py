@@ -1,4 +1,4 @@
-"""`pliant diagnose`: words, JSON, candidates, wrong input."""
+"""`pliant diagnose`: text, JSON, candidates, wrong input."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FEW = ("--effect", "stiffness", "--effect", "sensor_bias", "--effect", "supply_l
 
 @pytest.fixture
 def bench(write, workplace):
-    """A study and data with a hidden sensor bias."""
+    """Return a study and data with a hidden sensor bias."""
     write_measurement(measured(joint(), rich(), effect("sensor_bias"), seed=1), workplace / "bench.csv")
     return write(STUDY)
 
@@ -29,7 +29,7 @@ def test_the_missing_effect_is_named_and_written(pliant, bench, read, monkeypatc
     )
     assert lines[-2].startswith("Something in the file looks wrong")
     end = next(k for k, line in enumerate(lines) if line.startswith("sensor_bias: bias"))
-    assert max(map(len, lines[: end + 1])) <= 80  # parameters stand below the table
+    assert max(map(len, lines[: end + 1])) <= 80  # parameters are printed below the table
     assert lines[0].split() == ["hypothesis", "probability", "left-out", "error", "/", "floor"]
     assert "°" in lines[end] and "rad" not in lines[end]
     assert lines[-1].split() == ["report", "runs/joint-diagnose/report.html"]
@@ -58,16 +58,16 @@ def test_what_is_asked_again_is_answered_from_the_store(pliant, bench, read, mon
     assert again.out == first.out
     assert read("out.json") == found
     assert (workplace / "runs/joint-diagnose/report.html").read_text("utf-8") == page
-    with pytest.raises(AssertionError, match="computed again"):  # other candidates are another question
+    with pytest.raises(AssertionError, match="computed again"):  # other candidates need a new computation
         pliant(*asked, "--effect", "backlash")
-    with pytest.raises(AssertionError, match="computed again"):  # and so are other readings
+    with pytest.raises(AssertionError, match="computed again"):  # other readings need one too
         text = (workplace / "bench.csv").read_text("utf-8").splitlines()
         (workplace / "bench.csv").write_text("\n".join(text[:-1]) + "\n", "utf-8")
         pliant(*asked)
 
 
 @pytest.mark.slow
-def test_effects_of_the_study_are_part_of_the_model(pliant, bench, read) -> None:
+def test_effects_in_the_study_are_part_in_the_model(pliant, bench, read) -> None:
     known = 'effects=[{"kind": "sensor_bias", "bias_rad": 0.03}]'
     assert pliant("diagnose", bench, known, "--data", "bench.csv", "--json", "out.json", *FEW).code == 0
     assert read("out.json")["verdict"] == "nothing_missing"
@@ -90,7 +90,7 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
     def stopped(*_: object, **__: object) -> None:
         try:
             raise KeyboardInterrupt
-        except KeyboardInterrupt as interrupt:  # what numba makes of it
+        except KeyboardInterrupt as interrupt:  # the values that numba computes
             raise SystemError("returned a result with an exception set") from interrupt
 
     monkeypatch.setattr("pliant.cli.evidence.diagnose_with", stopped)
@@ -103,11 +103,11 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
-        ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'rise' could not be judged"),
+        ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'rise' was left out: "),
         ("parameters[0]", "parameter[0]", "'rise' was left out: "),
     ],
 )
-def test_a_mistake_in_an_effect_of_ones_own_is_told_and_the_others_are_judged(
+def test_a_mistake_in_a_users_effect_is_reported_and_the_others_are_judged(
     pliant, bench, workplace, right, wrong, says
 ) -> None:
     assert EFFECT.count(right) == 1

@@ -1,4 +1,4 @@
-"""`pliant export`: files that plain MuJoCo and plain PyBullet load, with the chain's masses and places."""
+"""`pliant export`: files that plain MuJoCo and plain PyBullet load, with the chain's masses and positions."""
 
 import importlib.util
 import json
@@ -64,20 +64,20 @@ def test_mjcf_loads_in_plain_mujoco(pliant, study, workplace) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert model.njnt == MODULES and model.nmesh == 2
-    # All halves but the first move: 3½ modules and the payload.
-    np.testing.assert_allclose(model.body_mass.sum(), 3.5 * module_mass_kg() + 0.005, rtol=1e-6)
+    # Four modules, of which the first half is fixed to the base, and the payload: an arm carries all of it.
+    np.testing.assert_allclose(model.body_mass.sum(), 4 * module_mass_kg() + 0.005, rtol=1e-6)
     np.testing.assert_allclose(data.body("tip").xpos, [0.1 + MODULES * LENGTH_M, 0.2, 0.3], atol=1e-9)
     np.testing.assert_allclose(model.jnt_stiffness, 0.0245, rtol=1e-9)
     shown = model.geom_group == 2
     assert shown.sum() == 2 * MODULES and not model.geom_contype[shown].any()
     files = json.loads((workplace / "done.json").read_text())["files"]
-    assert [Path(file).is_file() for file in files] == [True] * 4
+    assert [Path(file).is_file() for file in files] == [True] * 5
     assert [model.actuator(k).name for k in range(model.nu)] == ["pressure_pa"]
     assert model.site("tip").id >= 0 and model.nsensor == 2 + 2 * MODULES
 
 
 def test_the_exported_mjcf_moves_like_a_spring(pliant, study, workplace) -> None:
-    """Plain MuJoCo comes to rest where k u balances the weights: linear statics of the same chain."""
+    """Plain MuJoCo settles where k u balances the weights, as in linear statics of the same chain."""
     assert pliant("export", study, "--out", "robot.xml").code == 0
     model = mujoco.MjModel.from_xml_path("robot.xml")
     data = mujoco.MjData(model)
@@ -96,7 +96,7 @@ def test_urdf_loads_in_plain_pybullet(pliant, study, workplace, monkeypatch) -> 
     import pybullet
 
     assert pliant("export", study, "--out", "out/robot.urdf").code == 0
-    monkeypatch.chdir("/")  # meshes are found beside the file, wherever one stands
+    monkeypatch.chdir("/")  # mesh paths are relative to the file, independent of the working folder
     client = pybullet.connect(pybullet.DIRECT)
     try:
         body = pybullet.loadURDF(
@@ -109,9 +109,9 @@ def test_urdf_loads_in_plain_pybullet(pliant, study, workplace, monkeypatch) -> 
             pybullet.getJointInfo(body, j, physicsClientId=client)[12].decode(): j
             for j in range(pybullet.getNumJoints(body, physicsClientId=client))
         }
-        assert list(links) == ["base", "body_1", "body_2", "body_3", "body_4", "tip"]
+        assert list(links) == ["base", "body_1", "body_2", "body_3", "body_4", "tip", "base_piece"]
         masses = [pybullet.getDynamicsInfo(body, j, physicsClientId=client)[0] for j in links.values()]
-        np.testing.assert_allclose(sum(masses), 3.5 * module_mass_kg() + 0.005, rtol=1e-6)
+        np.testing.assert_allclose(sum(masses), 4 * module_mass_kg() + 0.005, rtol=1e-6)
         tip = pybullet.getLinkState(
             body, links["tip"], computeForwardKinematics=True, physicsClientId=client
         )[4]
@@ -142,7 +142,8 @@ def test_a_chain_without_a_family_has_no_meshes(pliant, workplace) -> None:
     pliant("export", "rods.yaml", "--out", "rods.xml").done()
     model = mujoco.MjModel.from_xml_path("rods.xml")
     assert model.nmesh == 0 and model.ngeom > 0
-    assert sorted(p.name for p in workplace.glob("rods*")) == ["rods.xml", "rods.yaml", "rods_law.py"]
+    written = ["rods.xml", "rods.xml.check.json", "rods.yaml", "rods_law.py"]
+    assert sorted(p.name for p in workplace.glob("rods*")) == written
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ FEW = ("--effect", "stiffness", "--effect", "viscoelastic", "--effect", "sensor_
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    """The bench's file with a hidden effect, and without one."""
+    """Return the bench's file with a hidden effect and the file without one."""
     folder = tmp_path_factory.mktemp("tables")
     return {
         "hidden": csv(bench(folder, effect("viscoelastic"))),
@@ -22,7 +22,7 @@ def tables(tmp_path_factory):
 
 @pytest.fixture
 def joint(workplace, write, tables):
-    """A study with the hidden effect's data beside it."""
+    """Return a study with the data of the hidden effect in its folder."""
     (workplace / "data").mkdir()
     (workplace / "data" / "bench.csv").write_text(tables["hidden"])
     (workplace / "data" / "clean.csv").write_text(tables["clean"])
@@ -45,7 +45,7 @@ def test_extend_writes_a_study_that_predicts_what_was_fitted(pliant, joint, read
     pliant("compare", new, "--json", "c.json").done()
     error = read("c.json")["outputs"]["angle_rad"]["rmse"]
     assert error == pytest.approx(result["after"]["outputs"]["angle_rad"]["rmse"], rel=1e-3)
-    pages = [read(one)["report"] for one in ("base.json", "c.json")]  # neither writes over the other's
+    pages = [read(one)["report"] for one in ("base.json", "c.json")]  # each has a separate page
     assert pages[0] != pages[1] and all((workplace / page).exists() for page in pages)
 
 
@@ -61,8 +61,8 @@ def test_a_study_elsewhere_finds_its_files_and_has_the_overrides(pliant, joint, 
 
 
 @pytest.mark.slow
-def test_several_files_that_were_fitted_are_those_of_the_new_study(pliant, joint, read, tables, workplace):
-    """Each file has some of the runs; the new study names both, and reads what was fitted."""
+def test_several_fitted_files_are_those_in_the_new_study(pliant, joint, read, tables, workplace):
+    """The files share the runs; the new study names both and reads the runs that were fitted."""
     header, *rows = (line for line in tables["hidden"].splitlines() if not line.startswith("#"))
     runs = sorted({row.split(",")[0] for row in rows})
     for name, part in (("first", runs[::2]), ("second", runs[1::2])):
@@ -94,7 +94,7 @@ def test_refit_fits_what_the_study_has_as_well(pliant, write, joint, read):
     assert found["effects"] == ["stiffness", "viscoelastic"]
     factor = found["parameters"]["stiffness.factor"]
     assert factor["includes_neutral"] and factor["value"] == pytest.approx(1.0, abs=0.05)
-    assert call.code == 3 and "show no stiffness" in call.out  # nothing of it is left once it is refitted
+    assert call.code == 3 and "show no stiffness" in call.out  # no trace of it remains after the refit
 
 
 def test_nothing_is_overwritten_silently(pliant, joint, workplace):
@@ -143,7 +143,7 @@ def test_improve_walks_to_the_floor(pliant, joint, read, workplace):
     assert result["stop"] == "nothing_missing" and result["locked_runs"]
     assert result["final_study"] == str(workplace / "joint-improved.yaml")
     new = (workplace / "joint-improved.yaml").read_text()
-    assert "runs put aside" in new and "\nname: joint-improved\n" in new
+    assert "runs held out" in new and "\nname: joint-improved\n" in new
     page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
     assert "creeping" in page and 'src="http' not in page and 'href="http' not in page
     assert "falls from" in call.out
@@ -169,7 +169,7 @@ def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tabl
 
 @pytest.mark.slow
 def test_a_stand_in_is_said_everywhere(pliant, joint, workplace, read):
-    """On the console, in the JSON, on the page and in the new study."""
+    """A substitute effect is reported on the console, in the JSON, on the page and in the new study."""
     (workplace / "open.csv").write_text(csv(one_slow_noisy_run(workplace, effect("supply_lag"))))
     lags = [word for kind in LAGS for word in ("--effect", kind)]
     call = pliant(
@@ -180,7 +180,7 @@ def test_a_stand_in_is_said_everywhere(pliant, joint, workplace, read):
     words = f"stands for one of {', '.join(step['stands_for'])}"
     page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
     assert words in page and words in (workplace / "new.yaml").read_text()
-    written = (workplace / "new.yaml").read_text()  # it is held against the file that it was fitted to
+    written = (workplace / "new.yaml").read_text()  # it is compared with the file to which it was fitted
     assert "measurements:\n  file: open.csv\n" in written
     assert " (or " in call.out and read("r.json")["steps"][0]["stands_for"] == []
 

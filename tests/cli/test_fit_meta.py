@@ -1,4 +1,4 @@
-"""`pliant fit` of a study with a meta-model: what it prints, its JSON, what it refuses."""
+"""`pliant fit` of a study with a meta-model: its printed lines, its JSON and its refusals."""
 
 import csv
 import re
@@ -9,7 +9,7 @@ from tests.pipeline import meta_bench as bench
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A folder with a study, its table, and a store that keeps the model."""
+    """Return a folder with a study, its table and a store that keeps the model."""
     folder = tmp_path_factory.mktemp("fit_meta")
     bench.unseen(folder)
     return folder
@@ -60,7 +60,7 @@ def test_a_study_without_a_meta_model_has_no_next(pliant, write, stated):
     pliant("fit", write(stated), "--next", "1").refused("--next is for a study with a 'meta_model' block")
 
 
-def test_next_of_a_table(pliant, place):
+def test_next_design_in_a_table(pliant, place):
     pliant("fit", place / "fem.csv", "--next", "1").refused("--next is for a study")
 
 
@@ -84,7 +84,7 @@ def test_too_few_designs(pliant, place, tmp_path):
     )
 
 
-def test_a_run_of_an_unseen_design(pliant, place, read):
+def test_a_run_on_an_unseen_design(pliant, place, read):
     done = pliant(
         "run", place / "unseen.yaml", "--store", place / "store", "--out", "run", "--json", "run.json"
     ).done()

@@ -1,4 +1,4 @@
-"""`pliant fit --out`: the page of a table's law, of a study's and of a meta-model, and when there is none."""
+"""`pliant fit --out`: the page of a law from a table, from a study and from a meta-model, and cases without a page."""
 
 import re
 from html import unescape
@@ -6,9 +6,9 @@ from html import unescape
 import pytest
 from tests.pipeline import meta_bench as bench
 
+from pliant.fem_tables.writing import write_table
 from pliant.formatting import percent
-from pliant.tabular.fem_writing import write_table
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import sample_table, softening_law
 
 STUDY = """
 pliant: 1
@@ -25,7 +25,7 @@ def words(page):
 
 @pytest.fixture
 def table(workplace):
-    write_table(table_of(softening_law(), noise_n_m=3e-5), workplace / "law.csv")
+    write_table(sample_table(softening_law(), noise_n_m=3e-5), workplace / "law.csv")
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_a_tables_law_gets_its_page_beside_the_study(pliant, workplace, table):
     assert pliant("fit", "law.csv", "--kind", "table", "--out", "law", "--no-learning", "--quiet").code == 0
     text = words(workplace / "law" / "fit.html")
     assert "of law.csv on" in text and (workplace / "law" / "study.yaml").is_file()
-    assert "the study's form, least squares" in text
+    assert "the published form, least squares" in text
 
 
 def test_a_stated_law_has_no_page(pliant, write, stated, workplace):

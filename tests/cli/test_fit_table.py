@@ -1,4 +1,4 @@
-"""`pliant fit TABLE.csv`: one command from anybody's states to a law, a study, or one sentence."""
+"""`pliant fit TABLE.csv`: one command gives a law, a study, or a one-sentence refusal from any table of states."""
 
 import json
 import re
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pliant import formatting
-from pliant.tabular.fem_writing import write_table
-from pliant.testing.samples import softening_law, table_of
+from pliant.fem_tables.writing import write_table
+from pliant.testing.samples import sample_table, softening_law
 
 HEAD = "pressure_pa,angle_rad,moment_n_m\n"
 
@@ -37,7 +37,7 @@ def test_a_table_becomes_a_law_with_its_errors(pliant, workplace):
     assert found["unstable"] == []
     for word in (
         "worst error",
-        "the study's form",
+        "the published form",
         "pressure 0 to 15 kPa",
         "90 %",
         "falls with u everywhere",
@@ -46,8 +46,8 @@ def test_a_table_becomes_a_law_with_its_errors(pliant, workplace):
 
 
 @pytest.mark.slow
-def test_a_display_unit_of_torque_changes_everywhere_from_one_table(pliant, workplace, monkeypatch):
-    """Terminal, page and the tables in it; JSON stays SI."""
+def test_the_torque_display_unit_changes_everywhere_from_one_table(pliant, workplace, monkeypatch):
+    """The terminal, the page and its tables show the display unit; JSON stays in SI."""
     written(workplace)
     usual = pliant("fit", "bench.csv", "--out", "usual", "--no-learning", "--json", "usual.json")
     monkeypatch.setitem(formatting.DISPLAY, "N*m", formatting.Unit("N·cm", 100.0))
@@ -84,7 +84,7 @@ def test_a_table_that_cannot_be_fitted_leaves_no_folder(pliant, workplace):
 
 
 @pytest.mark.slow
-def test_the_study_of_a_suction_law_is_driven_by_suction(pliant, workplace):
+def test_the_study_on_a_suction_law_is_driven_by_suction(pliant, workplace):
     p, u, moment = states()
     rows = [f"{-a},{b},{m}" for a, b, m in zip(p, u, moment, strict=True)]
     (workplace / "bench.csv").write_text(HEAD + "\n".join(rows))
@@ -103,18 +103,18 @@ def test_a_reversed_sign_is_said_and_the_notes_repair_it(pliant, workplace):
 
 
 def two_chambers(n=60, seed=2):
-    """States of τ = g (p₁ − p₂) − k u + c (p₁ + p₂) u at random pressures and angles of a bench, (n, 4)."""
+    """Return states of τ = g (p₁ − p₂) − k u + c (p₁ + p₂) u at random pressures and angles of a bench, (n, 4)."""
     p = np.random.default_rng(seed).uniform(0, 15e3, (n, 2))
     u = np.random.default_rng(seed + 1).uniform(-0.4, 0.4, n)
     return np.column_stack([p, u, 2e-6 * (p[:, 0] - p[:, 1]) - 0.04 * u - 3e-7 * p.sum(axis=1) * u])
 
 
-def test_a_table_of_several_pressures_becomes_a_law_that_drives_a_chain(pliant, workplace):
+def test_a_table_with_several_pressures_becomes_a_law_that_drives_a_chain(pliant, workplace):
     rows = "\n".join(",".join(map(repr, map(float, row))) for row in two_chambers())
     (workplace / "bench.csv").write_text(f"pressure_1_pa,pressure_2_pa,angle_rad,moment_n_m\n{rows}\n")
     done = pliant("fit", "bench.csv", "--out", "law", "--no-learning").done()
     assert "pressure 1 0" in done.out and "falls with u everywhere" in done.out
-    assert "% of them lie in it" in done.out  # the law has an error bar, and it is looked at
+    assert "% of them lie in it" in done.out  # the law has an error bar, which is evaluated here
     found = json.loads((workplace / "law/fit.json").read_text())
     assert found["parameters"]["actuation_name"] == "pressure_1_pa, pressure_2_pa"
     assert found["heldout"]["worst_of_range"] < 1e-6
@@ -127,7 +127,7 @@ def test_a_table_of_several_pressures_becomes_a_law_that_drives_a_chain(pliant, 
 
 
 @pytest.mark.slow
-def test_a_table_of_all_axes_is_fitted_as_a_whole(pliant, workplace):
+def test_a_table_with_all_axes_is_fitted_as_a_whole(pliant, workplace):
     from tests.pipeline.test_tables import module
 
     data = module(("x", "y", "z"), "y", n=48, seed=3)
@@ -183,5 +183,5 @@ def test_a_pdf_is_no_table(pliant, workplace):
 
 
 def test_shipped_slopes_are_used(pliant, workplace):
-    write_table(table_of(softening_law()), workplace / "fem.csv")
+    write_table(sample_table(softening_law()), workplace / "fem.csv")
     assert pliant("fit", "fem.csv", "--kind", "table").code == 0

@@ -1,4 +1,4 @@
-"""Every verb's JSON has the keys of docs/formats.md: one cheap run per verb; and so have the published studies."""
+"""The JSON of every verb and of the published studies has the keys of docs/formats.md; one cheap run per verb."""
 
 import csv
 import json
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.cli.search_study import STUDY as SEARCHED
 from tests.cli.test_commands import BENCH, bench_table
-from tests.cli.test_fields import JOINT
+from tests.pliant_view.test_fields import JOINT
 from tests.slow import slow_among
 from typer.testing import CliRunner
 
@@ -23,10 +23,11 @@ ROWS = re.findall(r"^\| `([\w-]+)` \| (`.*`) \|$", PAGE, re.M)
 COLUMNS = re.findall(r"`(\w+)`", PAGE.partition("has the columns ")[2].partition(", and")[0])
 KEYS = {verb: re.findall(r"`([^`]+)`", cells) for verb, cells in ROWS}
 FEW = ("--effect", "viscoelastic", "--effect", "stiffness", "--effect", "sensor_lag")
-# Verb → arguments; studies are those of the fixture's folder.
+# Verb → arguments; the studies are in the fixture's folder.
 CALLS = {
     "fem": ("joint.yaml", "--out", "joint"),
     "fit": ("law.yaml",),
+    "doctor": ("law.yaml",),
     "simulate": ("law.yaml", "task.pressure=16 kPa"),
     "run": ("law.yaml",),
     "compare": ("loop/finger.yaml",),
@@ -47,10 +48,10 @@ CALLS = {
     "example": ("hidden-effect",),
     "new-plugin": ("my-effect",),
 }
-# Verbs whose own tests read these keys in the fast suite.
+# Verbs whose own tests check these keys in the fast suite.
 COSTLY = ("fem", "compare", "plan", "diagnose", "extend", "improve", "optimize", "check")
 PUBLISHED = {"study-shape": "shape_matching", "study-gripper": "gripper_codesign"}
-# Lists and objects that hold nothing in these runs: the hidden effect is found, nothing is left to measure.
+# Lists and objects that are empty in these runs: the hidden effect is found and no measurement is proposed.
 MAY_BE_EMPTY = {
     *("diagnose.not_excited", "diagnose.indistinguishable", "diagnose.covariates"),
     *("diagnose.smallest_detectable", "diagnose.next_experiment", "plan.runs"),
@@ -59,7 +60,7 @@ MAY_BE_EMPTY = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Studies and their data, with one store for all verbs."""
+    """Return a folder with studies and their data, with one store for all verbs."""
     place = tmp_path_factory.mktemp("formats")
     shutil.copytree(ROOT / "examples" / "hidden_effect", place / "loop")
     for file in ("silicone.yaml", "pull.csv"):
@@ -77,7 +78,7 @@ def folder(tmp_path_factory):
 
 
 def reached(value, path):
-    """All values at a path; raises KeyError where a mapping lacks the key."""
+    """Return all values at a path; raise KeyError where a mapping lacks the key."""
     values = [value]
     for part in path.replace("[]", ".[]").split("."):
         values = [one for one in values if one is not None]
@@ -107,15 +108,15 @@ def test_the_keys_are_in_the_result(verb, folder, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_table_of_states_has_its_columns(folder, monkeypatch):
+def test_the_state_table_has_its_columns(folder, monkeypatch):
     monkeypatch.chdir(folder)
     monkeypatch.delenv("PLIANT_STORE", raising=False)
-    done = CliRunner().invoke(app, ["fem", *CALLS["fem"], "--quiet"])  # from the store
+    done = CliRunner().invoke(app, ["fem", *CALLS["fem"], "--quiet"])  # read from the store
     assert done.exit_code == 0, done.output
     with (folder / "joint" / "fem.csv").open(newline="") as file:
         header = next(csv.reader(file))
     assert {"pressure_pa", "branch", "status"} < set(COLUMNS)
-    assert set(COLUMNS) - set(header) == {"pressure_pa"}  # this one is drawn by a tendon
+    assert set(COLUMNS) - set(header) == {"pressure_pa"}  # this chain is driven by a tendon
 
 
 @pytest.mark.parametrize("command", PUBLISHED)

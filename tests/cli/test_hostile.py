@@ -1,4 +1,4 @@
-"""Hostile tables, names and disks: answered in a sentence, shown as they are, and nothing half-written."""
+"""Hostile tables, names and disks give a sentence, are shown literally, and leave no half-written file."""
 
 import os
 import resource
@@ -10,11 +10,13 @@ from tests.evidence.test_compare_verb import STUDY, bench_csv
 from tests.slow import slow_among
 
 from pliant.errors import UserError
+from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
 from pliant.report.document import Document
 from pliant.report.figures import style
 from pliant.report.render import page
 from pliant.report.stage import write_page
-from pliant.user_text import visible
+from pliant.report.still import drawn
+from pliant.user_text import escape_controls
 
 ESC = "\x1b[31m\x07\x9b"
 COLUMNS = ["time_s", "pressure_pa", "moment_n_m", "angle_rad"]
@@ -22,7 +24,7 @@ COLUMNS = ["time_s", "pressure_pa", "moment_n_m", "angle_rad"]
 
 @pytest.fixture
 def bench(workplace):
-    """Write the study and its table, each value of a column changed."""
+    """Write the study and its table with each value of a column changed."""
 
     def written(column="", change=lambda value: value, run=str):
         head, *rows = (line.split(",") for line in bench_csv(repeats=1).splitlines())
@@ -84,24 +86,24 @@ def test_a_name_is_shown_as_it_is_everywhere(bench, pliant, names):
 
 
 @pytest.mark.pixels
-def test_a_picture_shows_dollars_and_its_own_symbols():
-    with style.canvas(400, 300) as figure:
-        axes = figure.subplots()
-        axes.set(title="$a_$", xlabel=r"effort $\tau$ (N)", yscale="log", ylim=(1e-3, 1e3))
-        style.with_math(axes)
+def test_a_still_shows_dollars_as_they_are():
+    x = ChartAxis("$a_$", ends=(1e-3, 1e3), log=True)
+    line = ChartLine("$b$", np.array([1.0]), np.array([1.0]))
+    with drawn(Chart((Panel(x, ChartAxis("effort τ", "N"), (line,), "$c$"),))) as figure:
+        (axes,) = figure.axes
         assert style.png(figure).size > 1000
-        assert not axes.title.get_parse_math() and axes.xaxis.label.get_parse_math()
-        assert not any("$" in label.get_text() for label in axes.get_yticklabels())
+        assert not axes.title.get_parse_math() and axes.get_xlabel() == "$a_$"
+        assert not any("$" in label.get_text() for label in axes.get_xticklabels())
 
 
 def test_control_codes_become_visible():
-    assert visible(f"a{ESC}\tb\n") == "a�[31m��\tb\n"
+    assert escape_controls(f"a{ESC}\tb\n") == "a�[31m��\tb\n"
     assert "\x1b" not in page(Document(kind="k", title=f"t{ESC}", sentence=ESC, data={}, brief=())).html
 
 
 @pytest.fixture
 def full_disk():
-    """No file grows beyond 4 kB, as if the disk were full there."""
+    """Limit files to 4 kB, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
     yield

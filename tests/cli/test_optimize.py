@@ -1,4 +1,4 @@
-"""`pliant optimize`: what it finds, writes and says; exit codes, interruption, wrong input."""
+"""`pliant optimize`: its results, files, exit codes, interruption and wrong input."""
 
 import csv
 import json
@@ -13,17 +13,17 @@ from tests.cli.search_study import BUDGET, STUDY
 from pliant import api
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
-from pliant.report.search_files import read_search
+from pliant_search.report.folder import read_search
 
 pytest.importorskip("cma")
 
 
 @pytest.fixture(autouse=True)
 def page_or_none(request, monkeypatch):
-    """Pictures take longer than the search: tests that are about the page ask for `real_page`."""
+    """Replace the page by an empty one, since pictures take longer than the search, unless `real_page` is used."""
     if "real_page" not in request.fixturenames:
         monkeypatch.setattr(
-            "pliant.cli.optimize.write_search_page", lambda folder, *_: folder / "search.html"
+            "pliant_search.command.write_search_page", lambda folder, *_: folder / "search.html"
         )
 
 
@@ -39,7 +39,7 @@ def path(write):
 
 @pytest.fixture
 def optimize(pliant, path):
-    """`pliant optimize` of the study, in this process."""
+    """Call `pliant optimize` on the study in this process."""
 
     def call(*arguments, workers=1):
         return pliant("optimize", path, *(["--workers", workers] if workers else []), *arguments)
@@ -49,7 +49,7 @@ def optimize(pliant, path):
 
 @pytest.fixture
 def found(optimize, read):
-    """The JSON of a search that ends with 0."""
+    """Return the JSON of a search that ends with exit code 0."""
 
     def call(*arguments, **more):
         optimize(*arguments, "--json", "out.json", **more).done()
@@ -75,7 +75,7 @@ def test_what_is_found_is_in_the_json_on_the_terminal_in_the_table_and_in_a_stud
     assert list(best["design"]) == ["chain.module_length_m"]
     assert list(best["controls"]) == ["task.pressure_pa"]
     assert 2e3 <= best["controls"]["task.pressure_pa"] <= 14e3
-    assert set(result["verified"]["engines"]) == set()  # a stated law: nothing to check by FEM
+    assert set(result["verified"]["engines"]) == set()  # a stated law: there is no FEM to check
     assert result["history"][-1]["best"] == result["objective"]
     counted = f"{BUDGET} evaluations with {BUDGET} simulations"
     for words in ("best     ", "mm", "kPa", counted, "slope    task.pressure", "predicted"):
@@ -120,7 +120,7 @@ def test_designs_spread_over_a_front_are_drawn(optimize, workplace, monkeypatch)
     pytest.importorskip("optuna")
     pages = []
     monkeypatch.setattr(
-        "pliant.cli.optimize.write_search_page", lambda *page: pages.append(page) or workplace
+        "pliant_search.command.write_search_page", lambda *page: pages.append(page) or workplace
     )
     objectives = "search.objective=[tip_x, {maximize: tip_z}]"
     optimize("optimizer={kind: optuna, sampler: random}", objectives, "search.budget=60").done()
@@ -132,14 +132,14 @@ def test_designs_spread_over_a_front_are_drawn(optimize, workplace, monkeypatch)
         assert one.result.metrics["tip_z_m"] == design.metrics["tip_z_m"]
 
 
-def test_a_study_that_extends_another_gives_a_winner_too(json_of, write, workplace):
+def test_a_study_that_extends_another_gives_a_winner_too(run_json, write, workplace):
     write(STUDY, "base.yaml")
     write("extends: base.yaml\npliant: 1\nname: child\nsearch: {budget: 12}\n")
-    best = json_of("optimize", "study.yaml", "--workers", 1)["best"]
+    best = run_json("optimize", "study.yaml", "--workers", 1)["best"]
     study = load_study(workplace / "runs/child/best.yaml", discover())
-    assert study.search is None
+    assert study.block("search") is None
     assert study.task.pressure_pa == best["controls"]["task.pressure_pa"]
-    json_of("optimize", "study.yaml", "--workers", 1, "--full", "--out", "alone")
+    run_json("optimize", "study.yaml", "--workers", 1, "--full", "--out", "alone")
     assert "extends" not in (workplace / "alone/best.yaml").read_text()
     assert load_study(workplace / "alone/best.yaml", discover()).canonical() == study.canonical()
 
@@ -176,7 +176,7 @@ def test_until_ends_it(found):
     assert result["stopped"] == "until" and result["evaluations"] < BUDGET
 
 
-def test_each_value_has_a_search_of_its_own(found):
+def test_each_value_has_a_separate_search(found):
     result = found("search.variables.n={key: chain.modules, low: 2, high: 3, each: true}", "search.budget=8")
     assert [branch["n"] for branch in result["branches"]] == [2, 3]
     assert result["evaluations"] == 16
@@ -210,8 +210,8 @@ def test_the_best_design_is_not_written_over_the_study(pliant, write):
     assert path.read_text() == STUDY
 
 
-def test_the_history_of_a_very_long_search_is_thinned_to_its_end(found, monkeypatch):
-    monkeypatch.setattr("pliant.report.search_files.MOST_ROWS", 7)
+def test_the_history_in_a_very_long_search_is_thinned_to_its_end(found, monkeypatch):
+    monkeypatch.setattr("pliant_search.report.folder.MOST_ROWS", 7)
     result = found("search.verify=null")
     rows = [row["row"] for row in result["history"]]
     assert len(rows) == 7 and (rows[0], rows[-1]) == (0, BUDGET - 1)
@@ -229,7 +229,7 @@ def test_an_objective_that_is_no_number_is_counted_and_survived(found):
 
 
 @pytest.mark.slow
-def test_nothing_feasible_exits_with_3_and_leaves_nothing_of_the_search_before(
+def test_nothing_feasible_exits_with_3_and_leaves_nothing_from_the_search_before(
     optimize, workplace, real_page
 ):
     optimize("search.budget=6", "search.verify=null").done()

@@ -1,4 +1,4 @@
-"""`pliant plan`, and the next run's file of `pliant diagnose`."""
+"""`pliant plan`, and the file of the next run that `pliant diagnose` writes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FEW = ("--effect", "stiffness", "--effect", "actuation_gain", "--effect", "suppl
 
 @pytest.fixture
 def bench(write, workplace):
-    """A study, and data of a sweep that cannot tell a stiffness from a gain."""
+    """Return a study, and data of a sweep that cannot distinguish a stiffness from a gain."""
     histories = [ramp(f"slow{k}", 500.0, 1.0, (6e3, 0.0)) for k in range(2)]
     write_measurement(measured(joint(), histories, effect("stiffness"), seed=4), workplace / "bench.csv")
     return write(STUDY)
@@ -44,7 +44,7 @@ def test_after_data_the_runs_that_decide_are_written(pliant, bench, read, workpl
 
 
 @pytest.mark.slow
-def test_the_file_of_diagnose_is_filled_in_and_read_with_the_old_one(pliant, bench, read, workplace) -> None:
+def test_the_file_for_diagnose_is_filled_in_and_read_with_the_old_one(pliant, bench, read, workplace) -> None:
     pliant("diagnose", bench, "--data", "bench.csv", "--out", "out", "--json", "out.json", *FEW).done()
     proposed = read("out.json")["next_experiment"]
     assert proposed["file"] == "out/next_run.csv"
@@ -69,7 +69,7 @@ def test_before_data_it_is_the_fewest_runs(pliant, write, read, workplace) -> No
     assert "change / noise" in call.out and "stiffness" in call.out
 
 
-def test_protocols_of_the_study_are_the_menu(pliant, write, read) -> None:
+def test_protocols_in_the_study_are_the_menu(pliant, write, read) -> None:
     call = pliant("plan", write(STUDY + TASK + OWN), "--json", "out.json", "--out", "plan", *FEW)
     assert call.code == 0 and "not used" not in call.err, call.err
     menu = {run["name"]: run["minutes"] for run in read("out.json")["menu"]}

@@ -1,4 +1,4 @@
-"""Surfaces as STL, out and in: closed, of the right volume and place; a drawn surface changes pictures only."""
+"""STL surfaces, written and read: closed, of correct volume and position; a drawn surface changes pictures only."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ import trimesh
 from pliant.api import open_study
 from pliant.meshing.stl import read_stl, write_stl
 from pliant.pipeline.motion import drawn_chain, surface_at_rest
-from pliant.pipeline.study import StudyRun, laws_of_study
+from pliant.pipeline.study import StudyRun, build_study_laws
 from pliant.pipeline.visual import side
 from pliant.pipeline.workbench import content
 from pliant.records.shape import TriangleMesh
@@ -43,7 +43,7 @@ def study(workplace: Path) -> Path:
 
 @pytest.fixture
 def box(workplace: Path) -> Path:
-    """A box of a module's length and 4 mm square, in millimetres."""
+    """Write a box of a module's length and 4 mm square, in millimetres, and return its file."""
     path = workplace / "box.stl"
     trimesh.creation.box((11, 4, 4)).export(path)
     return path
@@ -51,11 +51,11 @@ def box(workplace: Path) -> Path:
 
 def drawn(study: Path, *overrides: str) -> TriangleMesh:
     opened = open_study(study, overrides)
-    run = StudyRun(opened.study, laws_of_study(opened.bench, opened.study))
+    run = StudyRun(opened.study, build_study_laws(opened.bench, opened.study))
     return surface_at_rest(drawn_chain(opened.bench, run))
 
 
-def test_the_stl_of_a_module_is_closed_and_weighs_what_the_module_weighs(pliant, study):
+def test_the_module_stl_is_closed_and_weighs_what_the_module_weighs(pliant, study):
     answer = pliant(
         "export", "bellow.yaml", "--part", "module", "--out", "module.stl", "--json", "-", "--quiet"
     ).done()
@@ -69,7 +69,7 @@ def test_the_stl_of_a_module_is_closed_and_weighs_what_the_module_weighs(pliant,
     np.testing.assert_allclose(solid.extents[0], 11e-3, rtol=1e-5)
 
 
-def test_the_stl_of_a_chain_in_millimetres_hangs_from_the_base(pliant, study):
+def test_the_chain_stl_in_millimetres_hangs_from_the_base(pliant, study):
     assert pliant("export", "bellow.yaml", "--out", "chain.stl", "--scale", "1000").code == 0
     solid = trimesh.load_mesh("chain.stl")
     np.testing.assert_allclose(solid.bounds[:, 2], [-33, 0], atol=1e-3)

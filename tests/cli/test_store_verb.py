@@ -1,4 +1,4 @@
-"""`pliant store` counts finished artifacts, not what is under way."""
+"""`pliant store` counts finished artifacts and not those being written."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""`pliant fem` of a sweep: JSON, table, index, lines, exit codes, Ctrl-C; wrong input is one sentence."""
+"""`pliant fem` of a sweep: JSON, table, index, lines, exit codes, Ctrl-C; wrong input gives one sentence."""
 
 import csv
 import os
@@ -16,7 +16,7 @@ GRID = "{radius: [5 mm, 10 mm], length: [9 mm, 11 mm]}"
 
 @pytest.fixture
 def fem(pliant, workplace):
-    """`pliant fem` of the springs with a sweep, in this process."""
+    """Call `pliant fem` on the springs with a sweep in this process."""
 
     def call(sweep, *arguments, workers=1):
         path = bench.study(workplace, sweep)
@@ -199,4 +199,4 @@ def test_ctrl_c_ends_all_and_the_same_command_goes_on(workplace, monkeypatch):
     interrupted(arguments, lambda: sum(bench.solved(log).values()) >= 4)
     command = [sys.executable, "-m", "pliant", *arguments]
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
-    assert len(bench.solved_again(log)) <= 2  # one state for each worker was cut off, at most
+    assert len(bench.solved_again(log)) <= 2  # at most one state per worker was interrupted

@@ -1,4 +1,4 @@
-"""What the terminal shows: progress that is only estimated, bars of a diagnosis, tables in eighty characters."""
+"""Terminal output: progress with an estimated total, bars of a diagnosis, tables in eighty characters."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_the_bar_ends_with_what_was_fitted(kinds) -> None:
         for name in ("nothing", "a", "b", "a + b", "nothing", "a"):
             bar.tick(name)
     titles = [entry for entry in said if entry[0].startswith("fitting")]
-    # Nobody knows how many sets there will be: their bar has no end, and promises none.
+    # The number of sets is unknown: their bar shows no end.
     assert titles == [
         ("fitting effects", 1 + kinds),
         ("fitting sets of effects", 0),
@@ -90,7 +90,7 @@ def test_the_bar_ends_with_what_was_fitted(kinds) -> None:
 
 
 def lines(names: list[str]) -> list[str]:
-    """The table of two steps that read these outputs, each off by 0.01 rad or m."""
+    """Return the table of two steps that read these outputs, each off by 0.01 rad or m."""
     rmse = dict.fromkeys(names, 0.01)
     steps = [
         SimpleNamespace(
@@ -99,7 +99,7 @@ def lines(names: list[str]) -> list[str]:
         for kind, added in (("", ()), ("viscoelastic", ("viscoelastic",)))
     ]
     floors = {name: SimpleNamespace(value=0.002) for name in names}
-    found: Any = SimpleNamespace(steps=steps, scored_on="runs put aside", floors=floors)
+    found: Any = SimpleNamespace(steps=steps, scored_on="runs held out", floors=floors)
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(rich_table(steps_brief(found)))
     return console.export_text().splitlines()
@@ -110,7 +110,7 @@ def test_nothing_is_cut(joints: int) -> None:
     names = [f"joint_{k}_angle_rad" for k in range(1, joints + 1)]
     said = lines([*names, "tip_x_m"])
     text = "\n".join(said)
-    assert "…" not in text and "error on runs put aside" in said[0]
+    assert "…" not in text and "error on runs held out" in said[0]
     assert all(f"joint {k} angle" in text for k in range(1, joints + 1))
     assert text.count("4.96 ± 0.34") == 2 and text.count("0.573°") == 2 * joints
     assert max(len(line.rstrip()) for line in said) <= 80
@@ -134,10 +134,10 @@ def _lines(has_page: bool) -> list[str]:
 
 
 def test_the_gravest_notes_come_first_and_the_least_are_counted_where_a_page_has_them() -> None:
-    """A unit doubt stands before every number, and the last sentence says to settle it."""
+    """A doubt about a unit is printed before every number, and the last sentence asks to settle it."""
     lines = _lines(has_page=True)
     assert lines[0] == f"note: {REMARKS[4]}" and lines[1] == "a table"
-    assert lines[2] == f"note: {REMARKS[3]}"  # the floor, then what the data lack
+    assert lines[2] == f"note: {REMARKS[3]}"  # the floor, then the missing data
     assert [line.removeprefix("note: ") for line in lines[3:6]] == [REMARKS[1], *REMARKS[5:]]
     assert lines[6] == "note: 2 more in the report."
     assert lines[7] == "note: effects that it cannot have: leak." and "  why" not in lines

@@ -1,4 +1,4 @@
-"""Wrong input of the evidence verbs: chains, opposed chambers, several files, repeats that contradict, protocols."""
+"""Wrong input of the evidence verbs: chains, opposed chambers, several files, contradictory repeats, protocols."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def table(
     top: float = 1e4,
     read=None,
 ) -> str:
-    """Ramps of the drive to `top`; `read(k, run)` gives what stands in the columns, in order."""
+    """Return a table of ramps of the drive to `top`; `read(k, run)` gives the values of the columns, in order."""
     read = read or (lambda k, run: [0.5 * k / n] * len(columns.split(",")))
     rows = [[run, k, top * k / n, *read(k, run)] for run in names for k in range(n)]
     lines = (",".join(str(cell) for cell in row) for row in rows)
@@ -54,7 +54,7 @@ REST = "{run: custom, name: rest, words: rest, times: [0 s, 10 s], inputs: {pres
 
 
 def linear(top: float):
-    """What a sensor reads that follows the drive to `top`."""
+    """Return the `read` function of a sensor that follows the drive to `top`."""
     return lambda k, run: [top * k / N]
 
 
@@ -66,7 +66,7 @@ WAVES = table(
     read=lambda k, run: [0.3 * np.sin(0.9 * k) + 0.01 * np.random.default_rng(7 * k + ord(run)).normal()]
 )
 TWO = ("--effect", "stiffness", "--effect", "actuation_gain")
-# Verb, study, files, options, what is said of it.
+# Verb, study, files, options, expected message.
 SAID = [
     *(
         (verb, CHAIN, [table(f"angle_rad,{column}")], (), says.format(column))
@@ -76,7 +76,7 @@ SAID = [
         )
         for column in ("joint_9_angle_rad", "marker_9_x_m")
     ),
-    # In millimetres without a unit; in `diagnose` no effect can make such readings.
+    # In millimetres without a unit; in `diagnose` no effect can explain such readings.
     *(
         (verb, CHAIN, [table("tip_x_m", read=linear(15))], (), "Unit to check: tip_x_m")
         for verb in ("compare", "diagnose")
@@ -94,7 +94,7 @@ SAID = [
 ]  # fmt: skip
 
 
-# Of one cause under two verbs, and of two columns, one stands for both.
+# One case represents the same cause under two verbs, or in two columns.
 COSTLY = ("marker_9", "left out", "b.csv", "tip_x_m", "No listed effect", "check: base_pitch")
 SLOW = [case for case in SAID if not case[-1] or any(word in case[-1] for word in COSTLY)]
 
@@ -148,7 +148,7 @@ def test_files_driven_by_different_inputs(call) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_run_in_two_files_gets_a_name_of_its_own(call, read) -> None:
+def test_the_same_run_in_two_files_gets_a_separate_name(call, read) -> None:
     again = table(read=lambda k, run: [0.5 * k / N + 0.002 * np.sin(9 * k)])
     call("compare", JOINT, table(), again, options=("--json", "out.json")).done()
     assert read("out.json")["data"] == "a.csv + b.csv"

@@ -1,4 +1,4 @@
-"""Wrong input: one clear sentence on standard error, exit code 2, nothing half-written."""
+"""Wrong input gives one clear sentence on standard error, exit code 2 and no half-written file."""
 
 import importlib.util
 import os
@@ -19,7 +19,7 @@ DESIGNS = {
     ("module_length: 11 mm", "module_length: -11 mm"): ("module_length > 0",),
     ("inner_radius: 2 mm", "inner_radius: 2000"): ("m",),
 }  # fmt: skip
-# What is wrong: verb, study, what the sentence says; more of what people miswrite is in tests/config/test_loading.py.
+# Mistake: verb, study, expected message; more spelling mistakes are in tests/config/test_loading.py.
 WRONG = {
     "kind": ("run", STATED.replace("physics: quasistatic", "physics: mojoco"), (
         "study.yaml, line 9", "unknown physics kind 'mojoco'; did you mean 'mujoco'?",
@@ -124,7 +124,7 @@ def test_unwritable_output(pliant, write, workplace, stated, option):
 
 
 def test_json_into_a_device_or_through_a_link(pliant, write, workplace, stated):
-    """Such a target is written into; replacing it would break /dev/null for everyone when root runs this."""
+    """Such a target is written to directly; replacing it would break /dev/null for everyone when root runs this."""
     (workplace / "null").symlink_to("/dev/null")
     (workplace / "link.json").symlink_to("real.json")
     for name in ("null", "link.json"):

@@ -1,4 +1,4 @@
-"""Wrong tasks, chains and engines: one sentence that names the key and what is allowed; and what results say."""
+"""Wrong tasks, chains and engines give one sentence with the key and the allowed values; results carry their notes."""
 
 import pytest
 

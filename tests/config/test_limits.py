@@ -1,4 +1,4 @@
-"""Hostile studies: what is too much, or no data, is refused with its line, soon and in little memory."""
+"""Hostile studies, with too much data or none, are refused with their line, quickly and in little memory."""
 
 import os
 import time
@@ -12,16 +12,16 @@ from pliant.config.loading import load_study, with_override
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
 from pliant.regular_files import read_regular
-from pliant.search.expressions import MOST, Symbol, parse
 from pliant.units import UnitError, parse_quantity
-from pliant.user_text import LONGEST_MESSAGE
+from pliant_search.expressions import MOST, Symbol, parse
+from pliant_tables.errors import LONGEST_MESSAGE
 
 REGISTRY = discover()
 STUDY = "pliant: 1\nname: hostile\nphysics: quasistatic\n"
 BOMB = "x0: &x0 [a, a, a, a, a, a, a, a, a]\n" + "".join(
     f"x{k}: &x{k} [{', '.join([f'*x{k - 1}'] * 9)}]\n" for k in range(1, 9)
 )
-# Each was a traceback, a hang or a silence in 20 000 mutated inputs.
+# Each of these gave a traceback, a hang or no message among 20 000 mutated inputs.
 HOSTILE = {
     "alias bomb": (BOMB, "unfolds by its aliases into more than 20000 values"),
     "an alias of itself": ("x: &x [*x]\n", ""),
@@ -61,7 +61,7 @@ def test_a_hostile_study_is_refused_soon_in_little_memory_and_few_words(tmp_path
         tracemalloc.stop()
     assert words in str(refused.value) and "study.yaml" in str(refused.value)
     assert len(str(refused.value)) < LONGEST_MESSAGE
-    assert seconds < 10 and peak < 500e6  # tracing itself slows it down fivefold
+    assert seconds < 10 and peak < 500e6  # tracing slows it down fivefold
 
 
 @pytest.mark.parametrize("text", ["name=" + "[" * 5000, "name=!!float x", "name=&x [*x]", "name=? "])
@@ -109,7 +109,7 @@ def test_a_message_repeats_what_was_written_cut_short():
     assert len(str(UserError("line\n" * 100_000))) < LONGEST_MESSAGE
 
 
-def test_code_of_a_study_announces_itself_before_it_runs(tmp_path):
+def test_code_in_a_study_announces_itself_before_it_runs(tmp_path):
     (tmp_path / "loud.py").write_text(
         f"open({str(tmp_path / 'ran')!r}, 'w').close()\nraise ValueError('loud')\n"
     )

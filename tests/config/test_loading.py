@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pliant.config.loading import load_study, merge
+from pliant.config.overrides import as_overrides
 from pliant.config.schema import study_schema
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
@@ -57,7 +58,7 @@ def test_a_study_is_typed_by_its_kinds(write):
 
 WALL, MODULES, NAME = "wall: 1.5 mm", "modules: 8", "name: finger"
 CHAIN = "chain: {modules: 8}"
-# In the study, instead, the line that is named, what is said.
+# Text in the study, its replacement, the reported line, the expected message.
 MISWRITTEN = [
     ("physics: quasistatic", "physics: mojoco", 12, "'mojoco'; did you mean 'mujoco'?"),
     (WALL, "wal: 1.5 mm", 7, "'wal' is not a key of family; did you mean 'wall'?"),
@@ -167,7 +168,31 @@ def test_overrides(write):
     assert load_study(path, REGISTRY, ["physics=pybullet"]).physics.kind == "pybullet"
 
 
-def test_override_of_a_list_item(write):
+@pytest.mark.parametrize(
+    ("override", "data"),
+    [
+        ("surrogate.kind=table", True),
+        ("surrogate=table", True),
+        ("surrogate={kind: table, data: null}", False),
+    ],
+)
+def test_another_kind_is_fitted_to_the_same_data(write, tmp_path, override, data):
+    (tmp_path / "fem.csv").write_text("pressure_pa,angle_rad,moment_n_m\n0,0,0\n")
+    path = write(STUDY + "surrogate: {kind: polynomial, form: study, data: fem.csv}\n")
+    surrogate = load_study(path, REGISTRY, [override]).surrogate
+    assert surrogate.kind == "table"
+    assert (surrogate.data == tmp_path / "fem.csv") if data else surrogate.data is None
+
+
+def test_a_block_from_python_has_no_data_but_its_own(write, tmp_path):
+    (tmp_path / "fem.csv").write_text("pressure_pa,angle_rad,moment_n_m\n0,0,0\n")
+    study = load_study(write(STUDY + "surrogate: {kind: table, data: fem.csv}\n"), REGISTRY)
+    stated = {"kind": "polynomial", "form": "study", "coefficients": {"k_n": 1e-6}}
+    assert "surrogate.data=null" in as_overrides(study, {"surrogate": stated})
+    assert as_overrides(study, {"surrogate": {"kind": "neural"}}) == ['surrogate.kind="neural"']
+
+
+def test_override_for_a_list_item(write):
     path = write(STUDY + "effects: [{kind: stiffness, factor: 1.2}]\n")
     assert load_study(path, REGISTRY, ["effects.0.factor=1.3"]).effects[0].factor == 1.3
     assert "there is no item 4" in problem(path, ["effects.4.factor=1"])
@@ -222,7 +247,7 @@ def test_schema_lists_every_installed_kind():
     assert references <= set(schema["$defs"])
 
 
-def test_names_of_coefficients_are_shown_as_they_are_written(write):
+def test_coefficient_names_are_shown_as_they_are_written(write):
     stated = "surrogate: {kind: polynomial, form: study, coefficients: {k_x: 1, m_a: 1, m_e: 1, b_e: 1}}\n"
     text = problem(write(STUDY + stated))
     assert "did you mean 'k_n'? Allowed: k_n, m_a" in text
@@ -263,7 +288,7 @@ def test_names_that_no_file_can_have(tmp_path, name):
     assert "no file beside it" in problem(child)
 
 
-def test_an_empty_list_of_effects_is_none(write):
+def test_an_empty_effect_list_is_none(write):
     assert load_study(write(STUDY + "effects:\ncross_check:\n"), REGISTRY).effects == ()
 
 
@@ -292,3 +317,20 @@ def test_mistakes_in_segments_have_their_lines(write, change, words):
     segments = f"chain:\n  segments:\n    - {{modules: 2}}\n    - {{modules: 2, family: {change}}}"
     text = problem(write(STUDY.replace("chain: {modules: 8}", segments)))
     assert words in text and "line 14" in text and "pydantic" not in text
+
+
+def test_a_payload_outlasts_a_changed_task_kind(tmp_path):
+    """A payload is a load of the robot: `task.kind=reach` keeps it, and a kind without payload reports that."""
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        "pliant: 1\nname: s\nsurrogate: {kind: polynomial, form: study, "
+        "coefficients: {k_n: 1e-6, m_a: 0, m_e: 0, b_e: 0.02}}\n"
+        "chain: {modules: 4, module_length: 10 mm, module_mass: 2 g, module_radius: 6 mm}\n"
+        "task: {kind: tip_load, pressure: 5 kPa, payload: 13 g}\n",
+        encoding="utf-8",
+    )
+    heard: list[str] = []
+    reach = load_study(path, REGISTRY, ["task.kind=reach", "task.tip=[30 mm, 0 mm, -10 mm]"], heard.append)
+    assert reach.task.payload_kg == pytest.approx(0.013) and heard == []
+    load_study(path, REGISTRY, ["task.kind=free_bending", "task.pressure=5 kPa"], heard.append)
+    assert any("has no payload" in text and "chain.payload" in text for text in heard)

@@ -44,7 +44,7 @@ def one(variable, more=""):
         ("n-1: {low: 1, high: 2}", "cannot stand in a formula"),
     ],
 )
-def test_mistakes_of_variables_have_their_line(tmp_path, variable, message):
+def test_mistakes_in_variables_have_their_line(tmp_path, variable, message):
     text = refused(tmp_path, one(variable))
     assert message in text
     line = BASE.count("\n") + 4
@@ -63,7 +63,7 @@ def test_mistakes_of_variables_have_their_line(tmp_path, variable, message):
         ("{a: {family.wall: 1 mm}}", "is set by variable 'family.wall' and by condition 'a' itself"),
     ],
 )
-def test_mistakes_of_conditions_have_their_line(tmp_path, conditions, message):
+def test_mistakes_in_conditions_have_their_line(tmp_path, conditions, message):
     text = refused(tmp_path, one("family.wall: {low: 1 mm, high: 2 mm}", f"conditions: {conditions}"))
     assert message in text and "searched.yaml, line " in text
 
@@ -74,7 +74,7 @@ CONDITIONS = "conditions: {egg: {task.extra_weights: 1}, rod: {task.extra_weight
 @pytest.mark.parametrize(
     "block", ["robust: {vary: {task.frction: 5 %}}", "verify: {change: {task.frction: 1}}"]
 )
-def test_keys_of_scenarios_and_of_the_check_are_looked_up(tmp_path, block):
+def test_keys_in_scenarios_and_in_the_check_are_looked_up(tmp_path, block):
     text = refused(tmp_path, one("family.wall: {low: 1 mm, high: 2 mm}", block))
     assert "did you mean 'friction'?" in text and f"line {BASE.count(chr(10)) + 5}: " in text
 
@@ -146,7 +146,7 @@ def test_paths_are_beside_the_file(tmp_path):
         ("task.friction, low: 0, high: 1, only: egg", "rod", ""),
     ],
 )
-def test_no_key_is_set_twice_in_a_condition_and_those_of_different_conditions_may_share_it(
+def test_no_key_is_set_twice_in_a_condition_and_those_in_different_conditions_may_share_it(
     tmp_path, first, second, message
 ):
     other = f"\n  b: {{key: task.friction, low: 0, high: 2, only: {second}}}" if second else ""

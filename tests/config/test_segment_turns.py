@@ -1,4 +1,4 @@
-"""Segments of a chain: turns from one to the next, a regulator of their own, ends as long as modules."""
+"""Segments of a chain: relative turns, separate regulators, ends as long as modules."""
 
 from __future__ import annotations
 
@@ -32,8 +32,10 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def run_of(*each: dict[str, Any], pressure: str = "12 kPa", engine: str = "quasistatic", **chain: Any) -> Any:
-    """A hanging chain of stated modules, run."""
+def run_chain(
+    *each: dict[str, Any], pressure: str = "12 kPa", engine: str = "quasistatic", **chain: Any
+) -> Any:
+    """Return a hanging chain of stated modules, run."""
     chain = {"module_length": "11 mm", "module_mass": "2 g", "segments": list(each), **chain}
     task = {"kind": "free_bending", "pressure": pressure}
     blocks = {
@@ -49,8 +51,8 @@ def run_of(*each: dict[str, Any], pressure: str = "12 kPa", engine: str = "quasi
 
 
 def settled(*each: dict[str, Any], **more: Any) -> tuple[tuple[JointLaw, ...], Equilibrium]:
-    """The chain's laws and its settled pose."""
-    run = run_of(*each, **more)
+    """Return the chain's laws and its settled pose."""
+    run = run_chain(*each, **more)
     return run.chain.laws, run.engines[0].result.final
 
 
@@ -102,13 +104,13 @@ def test_a_rigid_end_follows_its_modules_length() -> None:
     def length(module: str) -> float:
         end = {"module_lengths": 1, "length": "3 mm", "section": "module"}
         measures = {"module_length": module, "module_radius": "8 mm"}
-        return float(run_of({"modules": 3}, {"rigid": end}, **measures).chain.length_m)
+        return float(run_chain({"modules": 3}, {"rigid": end}, **measures).chain.length_m)
 
     assert length("8 mm") == pytest.approx(4 * 8e-3 + 3e-3)
     assert length("12 mm") == pytest.approx(4 * 12e-3 + 3e-3)
 
 
-def test_a_share_of_one_leaves_the_law_and_pressure_beyond_it_is_told_where_it_acts() -> None:
+def test_a_unit_share_leaves_the_law_and_pressure_beyond_it_is_reported_where_it_acts() -> None:
     (plain,), before = settled({"modules": 4})
     (told,), after = settled({"modules": 4, "actuation_share": 1.0})
     assert type(plain) is type(told)

@@ -1,4 +1,4 @@
-"""Who works, in one word of the study: what may be written, what overrules it, what does not depend on it."""
+"""The `workers` key of a study: allowed values, what overrides it, and results that do not depend on it."""
 
 import json
 
@@ -8,7 +8,7 @@ from tests.config.test_loading import REGISTRY, STUDY, problem, write
 from pliant.config.loading import load_study
 from pliant.pipeline import sweep
 from pliant.pipeline.remote import RemoteStudy
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.store.store import ArtifactStore
 
 __all__ = ["write"]
@@ -26,15 +26,15 @@ ADDRESS = "tcp://host:8786"
 )
 def test_the_study_says_who_works_and_a_command_overrules_it(write, written, who):
     study = load_study(write(f"{STUDY}workers: {written}\n"), REGISTRY)
-    assert study.who_works(None) == who and study.who_works(3) == 3
-    assert load_study(write(STUDY), REGISTRY).who_works(None, 1) == 1
+    assert study.resolve_workers(None) == who and study.resolve_workers(3) == 3
+    assert load_study(write(STUDY), REGISTRY).resolve_workers(None, 1) == 1
 
 
 def test_one_word_on_the_command_line(write):
     path = write(f"{STUDY}workers: 2\n")
-    assert load_study(path, REGISTRY, ["workers=4"]).who_works(None) == 4
+    assert load_study(path, REGISTRY, ["workers=4"]).resolve_workers(None) == 4
     dask = ["workers.kind=dask", f"workers.address={ADDRESS}"]
-    assert load_study(write(STUDY), REGISTRY, dask).who_works(None) == ADDRESS
+    assert load_study(write(STUDY), REGISTRY, dask).resolve_workers(None) == ADDRESS
 
 
 @pytest.mark.parametrize(
@@ -53,10 +53,10 @@ def test_what_cannot_work_is_said_with_its_line(write, written, said):
     assert "workers" in text and said in text and "line 14" in text
 
 
-def test_a_worker_has_no_workers_of_its_own(write, tmp_path):
+def test_a_worker_has_no_workers(write, tmp_path):
     study = load_study(write(f"{STUDY}workers: 2\n"), REGISTRY)
-    bench = Workbench(REGISTRY, ArtifactStore(tmp_path / "store"))
-    assert "workers" not in json.loads(RemoteStudy.of(bench, study).study)
+    bench = RunContext(REGISTRY, ArtifactStore(tmp_path / "store"))
+    assert "workers" not in json.loads(RemoteStudy.from_study(bench, study).study)
 
 
 def test_a_sweep_is_done_by_them(write, tmp_path, monkeypatch):
@@ -68,7 +68,7 @@ def test_a_sweep_is_done_by_them(write, tmp_path, monkeypatch):
 
     monkeypatch.setattr(sweep, "executor_for", begun)
     study = load_study(write(f"{STUDY}sweep: {{wall: [1.4 mm, 1.6 mm]}}\nworkers: 2\n"), REGISTRY)
-    bench = Workbench(REGISTRY, ArtifactStore(tmp_path / "store", study.name))
+    bench = RunContext(REGISTRY, ArtifactStore(tmp_path / "store", study.name))
     with pytest.raises(KeyboardInterrupt):
         sweep.sweep_study(bench, study)
     assert seen == [2]

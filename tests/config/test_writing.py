@@ -1,4 +1,4 @@
-"""Studies that Pliant writes: a base and what changed, or a file that stands alone with the base's comments."""
+"""Studies written by Pliant: a base with changes, or a self-contained file with the base's comments."""
 
 import os
 
@@ -7,12 +7,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from pliant.cli.optimize import write_best
 from pliant.config.loading import StudyFile, load_study
 from pliant.config.paths import change_paths
 from pliant.config.writing import StudyDraft, _agree
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
+from pliant_search.command import write_best
 
 HEAD = "# my finger\npliant: 1  # version\nname: finger\nphysics: quasistatic\n"
 TAIL = "\n# measured in May\nchain:\n  modules: 3\n  # keep three\n"
@@ -46,7 +46,7 @@ def draft(tmp_path):
 
 @pytest.fixture
 def read_back(tmp_path):
-    """What the draft's text says in a file of that name, bases included; and the text."""
+    """Return a function that writes a draft to a file and returns its values, bases included, and its text."""
 
     def call(draft, full, name="further/new.yaml"):
         target = tmp_path / name
@@ -79,7 +79,7 @@ def with_new(draft, refit=False):
         ("new.yaml", ("name=mine",), "mine"),
     ],
 )
-def test_a_new_study_has_a_name_of_its_own(draft, tmp_path, target, overrides, name):
+def test_a_new_study_has_its_own_name(draft, tmp_path, target, overrides, name):
     made = draft(HEAD, overrides)
     assert made.name_after(tmp_path / target) == made.values["name"] == name
     assert f"name: {name}\n" in made.text(tmp_path / target)
@@ -107,7 +107,7 @@ def test_effects_are_added_and_refitted(draft, read_back, listed, refit, full):
     if refit and old:
         assert (
             "1.05  # 1.05 ± 0.01" in text and "± 0.3" not in text
-        )  # the old uncertainty went with its value
+        )  # the old uncertainty was removed together with its value
 
 
 @FORMS
@@ -142,7 +142,7 @@ def test_files_still_lead_where_they_led(draft, read_back, tmp_path, full):
         ("chain={payload: 20 g}", ("chain",), {"modules": 3, "payload": "20 g"}),
     ],
 )
-def test_overrides_become_part_of_the_new_study(draft, read_back, override, path, value, full):
+def test_overrides_become_part_in_the_new_study(draft, read_back, override, path, value, full):
     values, text = read_back(draft(HEAD + TAIL, [override]), full)
     for key in path:
         values = values[key]
@@ -199,7 +199,7 @@ def test_a_found_design(shaped, full):
 
 
 def test_a_changed_base_is_said_and_read(shaped):
-    """Comments and layout are no change; values are, those of a base's base too."""
+    """Comments and layout are not a change; values are, including those of a base's base."""
     registry, middle, new = discover(), shaped.with_name("middle.yaml"), shaped.with_name("new.yaml")
     middle.write_text("extends: shaped.yaml\nname: middle\n")
     draft = StudyDraft(middle)

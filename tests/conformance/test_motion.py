@@ -1,4 +1,4 @@
-"""The checks of motion pass for an engine that is right, and are skipped for one that declares no motion."""
+"""The checks of motion pass for a correct engine, and are skipped for one that declares no motion."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ def test_a_right_engine_passes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(MOTION))
-def test_an_engine_of_equilibria_is_not_asked(name: str) -> None:
+def test_a_static_engine_is_not_asked(name: str) -> None:
     with pytest.raises(CheckSkipped):
         {c.name: c for c in checks_for("physics")}[name].run(Subject(broken.good("physics")))

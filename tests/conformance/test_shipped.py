@@ -1,4 +1,4 @@
-"""Every component that ships passes its whole suite; the fast tests run the first stage of all, and some suites."""
+"""Every shipped component passes its whole suite; the fast tests run the first stage of all, and some suites."""
 
 from functools import partial
 
@@ -6,9 +6,10 @@ import pytest
 
 from pliant.registry.component import Component
 from pliant.testing import BoundCheck, Subject, check_component, checks_for
-from pliant_plugins.manifest import pliant_components
+from pliant_plugins import manifest
+from pliant_view import manifest as view
 
-SHIPPED = pliant_components()
+SHIPPED = [*manifest.pliant_components(), *view.pliant_components()]
 # Kinds whose whole suite is fast, of interfaces with slow ones; the stand-ins of test_suite.py pass every suite.
 AT_ONCE = {
     "effect": ("actuation_gain", "sensor_bias", "base_misalignment"),
@@ -42,7 +43,7 @@ def test_shipped(check: BoundCheck) -> None:
 
 @pytest.mark.parametrize("component", [c for c in SHIPPED if not _quick(c)], ids=_name)
 def test_shipped_declares_what_it_is(component: Component) -> None:
-    """Manifest, config and signature: the stage without which no other is run."""
+    """Manifest, config and signature are correct; the other stages require this one."""
     if missing := component.missing():
         pytest.skip(f"needs {missing}")
     subject = Subject(component)

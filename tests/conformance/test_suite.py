@@ -1,4 +1,4 @@
-"""The suite itself: good small plugins pass, each broken one fails by the check it breaks, outcomes are honest."""
+"""The suite itself: correct small plugins pass, each broken one fails by the check it breaks, outcomes are true."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.conformance import broken
 
-from pliant.registry.component import INTERFACES
+from pliant.registry.interface import interfaces
 from pliant.testing import (
     BoundCheck,
     CheckFailure,
@@ -23,21 +23,21 @@ from pliant.testing import (
     run_checks,
 )
 
-CASES = [(interface, case) for interface in broken.SUITES for case in broken.of(interface)]
-# Checks that solve or fit for half a second; others of their suites do so in the fast tests.
+CASES = [(interface, case) for interface in broken.SUITES for case in broken.broken_components(interface)]
+# Checks that solve or fit for half a second; other checks of their suites do so in the fast tests.
 COSTLY = {
     *(
         ("fem", name)
         for name in ("states_have_all_axes", "tendon_works_on_its_travel", "scales_with_the_module")
     ),
     ("fem", "small_extensions_follow_rod_theory"),
-    *(("meta_model", name) for name in ("laws_are_of_the_joint", "joints_do_not_affect_each_other")),
+    *(("meta_model", name) for name in ("laws_match_the_joint", "joints_do_not_affect_each_other")),
     *(
         ("meta_model", name)
         for name in ("laws_create_no_energy", "slopes_are_derivatives", "predicts_three_axes")
     ),
 }
-# Checks that their broken plugin fails by an exception of its own.
+# Checks that their broken plugin fails by raising an exception.
 RAISING = {
     "answers_before_all_is_told",
     "begins_at_a_guess",
@@ -54,9 +54,9 @@ RAISING = {
 }
 
 
-@parametrize_with_checks([broken.good(interface) for interface in INTERFACES if interface != "fem"])
+@parametrize_with_checks([broken.good(interface) for interface in interfaces() if interface != "fem"])
 def test_good_plugin_passes(check: BoundCheck) -> None:
-    """That of fem ships, and is checked with all that does."""
+    """The correct fem plugin is a shipped one, checked with all shipped components."""
     check()
 
 
@@ -83,7 +83,7 @@ def test_broken_plugin_fails(suite: str, case: broken.Broken) -> None:
 def test_every_check_has_its_broken_plugin(suite: str) -> None:
     shared = {check.name for check in checks_for("task")} & {check.name for check in checks_for("viewer")}
     wanted = shared if suite == "common" else {check.name for check in checks_for(suite)} - shared
-    assert {case.check for case in broken.of(suite)} == wanted
+    assert {case.check for case in broken.broken_components(suite)} == wanted
 
 
 def test_named_check_refuses_another_interface() -> None:
@@ -92,7 +92,7 @@ def test_named_check_refuses_another_interface() -> None:
 
 
 def test_a_broken_component_is_reported_and_the_rest_still_runs() -> None:
-    case = next(s for s in broken.of("material") if s.check == "tangent_is_the_stress_slope")
+    case = next(s for s in broken.broken_components("material") if s.check == "tangent_is_the_stress_slope")
     outcomes = {o.name: o for o in run_checks(case.component)}
     assert list(outcomes) == [check.name for check in checks_for("material")]
     assert outcomes["tangent_is_the_stress_slope"].status == "failed"
@@ -146,7 +146,7 @@ def test_a_refused_example_is_called_one() -> None:
 
 
 def test_what_is_declared_wrongly_stops_the_rest() -> None:
-    case = next(c for c in broken.of("effect") if c.check == "declares_place_and_parameters")
+    case = next(c for c in broken.broken_components("effect") if c.check == "declares_place_and_parameters")
     outcomes = run_checks(case.component)
     first = next(k for k, o in enumerate(outcomes) if o.status == "failed")
     assert outcomes[first].name == case.check
@@ -165,7 +165,7 @@ def test_a_missing_package_skips_with_what_to_install() -> None:
         check_component(lacking)
 
 
-@pytest.mark.parametrize("interface", INTERFACES)
+@pytest.mark.parametrize("interface", interfaces())
 def test_every_clause_is_a_sentence(interface: str) -> None:
     for check in checks_for(interface):
         assert check.clause.endswith("."), check.name

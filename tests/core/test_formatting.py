@@ -1,4 +1,4 @@
-"""Numbers, quantities and display units for people: one module, one table of units."""
+"""Formatted numbers, quantities and display units come from one module and one table of units."""
 
 import math
 from types import SimpleNamespace
@@ -11,12 +11,12 @@ from pliant.formatting import (
     display_unit,
     listed,
     number,
+    output_unit,
     percent,
     quantity,
     rounded_to_sd,
     unbroken,
-    unit_of,
-    units_of_page,
+    units_footer,
     whole_percent,
     with_sd,
 )
@@ -61,8 +61,8 @@ def test_numbers_have_the_asked_digits_and_no_riddle(value, digits, text):
     ],
 )
 def test_a_columns_suffix_decides_its_display_unit(name, axis, shown):
-    assert unit_of(name).axis == axis
-    assert unit_of(name).text(0.25, 3) == shown
+    assert output_unit(name).axis == axis
+    assert output_unit(name).text(0.25, 3) == shown
 
 
 def test_quantities_keep_words_and_switches():
@@ -89,17 +89,17 @@ def test_no_line_breaks_before_a_unit():
 
 
 def test_a_display_unit_changes_in_one_place(monkeypatch):
-    """Quantities, columns, footers and line breaks do; pages and terminal: tests/cli/test_fit_table.py."""
+    """Quantities, columns, footers and line breaks follow it; pages and terminal: tests/cli/test_fit_table.py."""
 
     class Law:
         joint = "revolute"
 
     monkeypatch.setitem(formatting.DISPLAY, "N*m", Unit("N·cm", 100.0))
-    assert unit_of("moment_n_m").text(0.25) == "25 N·cm"
+    assert output_unit("moment_n_m").text(0.25) == "25 N·cm"
     assert formatting.effort_unit(Law()).text(0.25) == "25 N·cm"
     assert quantity(0.25, "N*m") == "25 N·cm"
     assert display_unit("N*m/s").text(0.25) == "25 N·cm/s"
-    assert units_of_page(moments="N*m", angles="rad") == "Moments in N·cm, angles in degrees"
+    assert units_footer(moments="N*m", angles="rad") == "Moments in N·cm, angles in degrees"
     assert unbroken("25 N·cm") == "25\u00a0N·cm"
 
 
@@ -117,11 +117,11 @@ def test_a_page_is_made_anew_when_the_formatting_changes_and_a_solved_state_is_n
         ("extensible", "e", ("mm", "N")),
     ],
 )
-def test_the_travel_of_a_joint_that_turns_has_units_of_its_own(joint, axis, units):
+def test_the_travel_in_a_joint_that_turns_has_separate_units(joint, axis, units):
     law = SimpleNamespace(joint=joint)
     found = formatting.deformation_unit(law, axis), formatting.effort_unit(law, axis)
     assert tuple(unit.symbol for unit in found) == units
 
 
-def test_the_axis_of_a_travel_has_one_name():
+def test_a_travel_axis_has_one_name():
     assert formatting.TRAVEL == EXTENSION

@@ -1,4 +1,4 @@
-"""Discovery: a broken plugin is named, never fatal; a kind defined twice names both packages."""
+"""Discovery: a broken plugin is named and never fatal; a kind defined twice names both packages."""
 
 import importlib.metadata
 import re
@@ -7,11 +7,11 @@ from types import ModuleType
 import pytest
 
 from pliant.errors import ContractError, MissingDependencyError, UserError
-from pliant.interfaces.base import CONTRACT_VERSION
-from pliant.registry import discovery
+from pliant.registry.command import Command, commands
 from pliant.registry.component import Component
 from pliant.registry.discovery import discover
 from pliant.registry.hookspecs import hookimpl
+from pliant.registry.manifests import CONTRACT_VERSION, distribution_name
 
 
 def module_with(components, name="some_package", contract=CONTRACT_VERSION):
@@ -83,13 +83,14 @@ def test_a_broken_plugin_is_remembered_with_its_cause(monkeypatch, error, cause)
 @pytest.mark.parametrize(
     ("contract", "cause"),
     [
-        (None, r"some_package states no contract.*`parameter\(…\)`.*CONTRACT = 2"),
-        (1, r"states CONTRACT = 1.*`parameter\(…\)`.*CONTRACT = 2"),
-        (CONTRACT_VERSION + 1, r"CONTRACT = 3, this Pliant has 2: update Pliant"),
-        ("2", r"CONTRACT = '2', this Pliant has 2"),
+        (None, r"some_package states no contract.*`parameter\(…\)`.*CONTRACT = 3"),
+        (1, r"states CONTRACT = 1.*`parameter\(…\)`.*CONTRACT = 3"),
+        (2, r"states CONTRACT = 2, this Pliant has 3: import public names by .* then write CONTRACT = 3"),
+        (CONTRACT_VERSION + 1, r"CONTRACT = 4, this Pliant has 3: update Pliant"),
+        ("3", r"CONTRACT = '3', this Pliant has 3"),
     ],
 )
-def test_a_plugin_of_another_contract_is_named_and_stops_nothing_else(monkeypatch, contract, cause):
+def test_a_plugin_with_another_contract_is_named_and_stops_nothing_else(monkeypatch, contract, cause):
     old = module_with([effect("former")], contract=contract)
     registry = discover_with(monkeypatch, FakeEntry("old", lambda: old))
     (failure,) = registry.failures
@@ -150,7 +151,7 @@ def test_a_half_removed_package_is_remembered(tmp_path):
     info.mkdir()
     (info / "entry_points.txt").write_text("[pliant]\nghost = no_such_ghost\n")
     entry = next(iter(importlib.metadata.Distribution.at(info).entry_points))
-    assert discovery._package_of(entry) == "unknown package"
+    assert distribution_name(entry) == "unknown package"
 
 
 def test_metadata_that_cannot_be_read_stop_nothing(monkeypatch):
@@ -224,3 +225,42 @@ def test_a_missing_package_says_what_to_install():
     component = effect(requires=("no_such_module_anywhere",), install="pip install 'x[y]'")
     with pytest.raises(MissingDependencyError, match=r"needs no_such_module_anywhere: pip install 'x\[y\]'"):
         component.build(component.config_model()(kind="stiffness"))
+
+
+def package_with_commands(*verbs):
+    module = ModuleType("some_verbs")
+    module.CONTRACT = CONTRACT_VERSION
+
+    @hookimpl
+    def pliant_commands():
+        return verbs
+
+    module.pliant_commands = pliant_commands
+    return FakeEntry("some_verbs", lambda: module)
+
+
+def test_a_package_brings_a_verb_and_no_component(monkeypatch):
+    verb = Command("weigh", "pliant.cli.doctor:doctor")
+    assert not discover_with(monkeypatch, package_with_commands(verb)).failures
+    assert commands()["weigh"].function == verb.function
+    assert commands()["weigh"].help.startswith("Check a study's magnitudes")
+
+
+@pytest.mark.parametrize(
+    ("verb", "cause"),
+    [
+        (Command("run", "pliant.cli.doctor:doctor"), "command 'run' is one of pliant; give it another name"),
+        (Command("Weigh it", "pliant.cli.doctor:doctor"), "lower-case words joined by '-'"),
+        (Command("weigh", "doctor"), "write 'package.module:function'"),
+        ("weigh", "which is no Command"),
+    ],
+)
+def test_a_wrong_verb_is_named_and_the_own_ones_stay(monkeypatch, verb, cause):
+    registry = discover_with(monkeypatch, package_with_commands(verb))
+    assert [cause in failure.cause for failure in registry.failures] == [True]
+    assert commands()["run"].function == "pliant.cli.studies:run"
+
+
+def test_a_manifest_that_fails_hides_no_verb(monkeypatch):
+    discover_with(monkeypatch, FakeEntry("broken", fail(ImportError("no such module"))))
+    assert {"run", "diagnose", "optimize"} <= set(commands())

@@ -1,4 +1,4 @@
-"""Least squares where a model runs away: slopes so large that their squares overflow are no step."""
+"""Least squares of a diverging model rejects steps whose slopes are so large that their squares overflow."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LIMITS = (np.array([-5.0, -5.0]), np.array([5.0, 5.0]))
 
 @dataclass(frozen=True)
 class Line:
-    """y = x₀ + x₁ t, whose second slope is reported `factor` times too large beyond x₁ = 1."""
+    """The model y = x₀ + x₁ t, whose second slope is reported `factor` times too large beyond x₁ = 1."""
 
     factor: float
 

@@ -37,13 +37,11 @@ def test_the_likelihood_is_beta_binomial(a, b):
     assert log_predictive(a, b) == pytest.approx(
         betabinom.logpmf(a[0], a[1], b[0] + 1, b[1] - b[0] + 1), rel=1e-9
     )
-    assert log_bayes_factor(a, b) == pytest.approx(
-        log_bayes_factor(b, a), abs=1e-9
-    )  # two samples, one question
+    assert log_bayes_factor(a, b) == pytest.approx(log_bayes_factor(b, a), abs=1e-9)  # two samples, one test
 
 
 @given(COUNTS)
-def test_probabilities_of_all_counts_sum_to_one(b):
+def test_probabilities_over_all_counts_sum_to_one(b):
     total = sum(np.exp(log_predictive((k, 12), b)) for k in range(13))
     assert total == pytest.approx(1.0)
     assert sum(np.exp(log_own((k, 12))) for k in range(13)) == pytest.approx(1.0)
@@ -57,7 +55,7 @@ def test_more_simulated_trials_come_to_the_binomial_likelihood():
 
 
 @given(COUNTS, COUNTS)
-def test_the_deviance_is_of_the_best_simulation(a, b):
+def test_the_deviance_belongs_to_the_best_simulation(a, b):
     assert deviance(a, b) >= 0.0
     assert min(deviance(a, (k, b[1])) for k in range(b[1] + 1)) == 0.0
 
@@ -92,7 +90,7 @@ def test_repeats_by_enumeration():
     )
 
 
-def test_repeats_of_one_set_or_of_certain_outcomes_say_nothing():
+def test_repeats_in_one_set_or_with_certain_outcomes_say_nothing():
     assert repeats_agree([(3, 10)]) == 1.0
     assert repeats_agree([(10, 10), (10, 10), (5, 5)]) == 1.0
 

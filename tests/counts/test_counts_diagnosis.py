@@ -7,7 +7,12 @@ from tests.counts.counts_study import HEADER, STUDY
 from pliant.config.loading import load_study
 from pliant.config.measurements import PlausibleRange
 from pliant.diagnosis.counts_evidence import probabilities, weighed
-from pliant.diagnosis.counts_parameters import VariedParameter, effect_parameters, levels_of, task_parameters
+from pliant.diagnosis.counts_parameters import (
+    VariedParameter,
+    effect_parameters,
+    scan_levels,
+    task_parameters,
+)
 from pliant.diagnosis.counts_verdict import judge_counts
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.errors import UserError
@@ -23,7 +28,7 @@ COLOUR = VariedParameter("task.colour", "task.colour", "1", (1.0, 2.0), 0.0)
 
 
 def shares(friction, loads=LOADS):
-    """A gripper that holds less than a load of 10 · friction − 5, with some luck."""
+    """Return the success shares of a gripper whose grasp fails softly beyond a load of 10 · friction − 5."""
     return 1.0 / (1.0 + np.exp(-3.0 * (10.0 * friction - 5.0 - loads)))
 
 
@@ -38,7 +43,7 @@ def counted(sets):
 
 
 def scan(sets, parameters=(FRICTION, COLOUR), present=0.8, m=12):
-    """The scan with expected counts as simulations; a colour changes nothing."""
+    """Return the scan with expected counts as simulations; a colour changes nothing."""
 
     def simulated(friction):
         return tuple((round(m * p), m) for p in shares(friction))
@@ -51,14 +56,14 @@ def scan(sets, parameters=(FRICTION, COLOUR), present=0.8, m=12):
     return weighed(counted(sets), points, counts)
 
 
-def sets_of(friction, rng, loads=LOADS):
+def draw_sets(friction, rng, loads=LOADS):
     return [rng.binomial(10, p, 3).tolist() for p in shares(friction, loads)]
 
 
 def test_the_right_number_is_named_at_the_right_level():
     right, levels = 0, []
     for seed in range(20):
-        found = scan(sets_of(1.0, np.random.default_rng(seed)))
+        found = scan(draw_sets(1.0, np.random.default_rng(seed)))
         judged = judge_counts(found)
         right += judged.verdict == "missing_effect" and judged.selected == ("task.friction",)
         row = found.rows[("task.friction",)]
@@ -69,7 +74,7 @@ def test_the_right_number_is_named_at_the_right_level():
 
 
 def test_a_right_model_lacks_nothing():
-    verdicts = [judge_counts(scan(sets_of(0.8, np.random.default_rng(seed)))).verdict for seed in range(20)]
+    verdicts = [judge_counts(scan(draw_sets(0.8, np.random.default_rng(seed)))).verdict for seed in range(20)]
     assert verdicts.count("missing_effect") == 0
     assert verdicts.count("nothing_missing") >= 10
 
@@ -83,27 +88,27 @@ def test_what_no_level_explains_is_outside_the_list():
 
 
 def test_contradictory_repeats_come_before_any_explanation():
-    sets = sets_of(0.9, np.random.default_rng(0))
+    sets = draw_sets(0.9, np.random.default_rng(0))
     sets[2] = [10, 0, 10]
     judged = judge_counts(scan(sets))
     assert judged.verdict == "not_repeatable" and "load 2" in judged.reasons[0]
 
 
 def test_two_conditions_are_too_few():
-    found = scan(sets_of(0.9, np.random.default_rng(0)))
+    found = scan(draw_sets(0.9, np.random.default_rng(0)))
     few = weighed(counted([[9], [0]]), [((), ())], [((12, 12), (0, 12))])
     assert judge_counts(few).verdict == "insufficient_data"
     assert judge_counts(found).verdict != "insufficient_data"
 
 
 def test_what_changes_nothing_is_not_excited_and_found_from_is_a_level():
-    judged = judge_counts(scan(sets_of(0.8, np.random.default_rng(1))))
+    judged = judge_counts(scan(draw_sets(0.8, np.random.default_rng(1))))
     assert judged.not_excited == (("task.colour",),)
     assert judged.smallest == {("task.friction",): pytest.approx(0.9, abs=0.21)}
 
 
 def test_explanations_that_move_the_conditions_in_one_direction_are_alike():
-    """`weight` moves every share as friction does, `luck` those of loads that friction leaves alone."""
+    """`weight` changes every share as friction does, `luck` those of loads that friction does not affect."""
     weight, luck = (
         VariedParameter(f"task.{name}", f"task.{name}", "1", (1.0,), 0.0) for name in ("weight", "luck")
     )
@@ -131,7 +136,7 @@ def test_probabilities_sum_to_one_and_pay_for_looking_at_many():
 
 
 def test_the_contracts_keys():
-    found = scan(sets_of(1.0, np.random.default_rng(0)))
+    found = scan(draw_sets(1.0, np.random.default_rng(0)))
     judged = judge_counts(found)
     result = counts_diagnosis_json(found, judged, REGISTRY)
     contract = {"verdict", "hypotheses", "selected", "credible_set", "not_excited", "indistinguishable"}
@@ -144,10 +149,10 @@ def test_the_contracts_keys():
     assert "task.friction 1;" in " ".join(counts_why(found, judged))
 
 
-def test_levels_lie_on_both_sides_of_the_present_value():
-    assert levels_of(0.6, 1.0, 0.8, 4) == pytest.approx((0.6, 0.7, 0.9, 1.0))
-    assert levels_of(0.0, 4.0, 0.0, 4) == pytest.approx((1.0, 2.0, 3.0, 4.0))
-    assert levels_of(1.0, 4.0, None, 4) == pytest.approx((1.0, 2.0, 3.0, 4.0))
+def test_levels_lie_on_both_sides_around_the_present_value():
+    assert scan_levels(0.6, 1.0, 0.8, 4) == pytest.approx((0.6, 0.7, 0.9, 1.0))
+    assert scan_levels(0.0, 4.0, 0.0, 4) == pytest.approx((1.0, 2.0, 3.0, 4.0))
+    assert scan_levels(1.0, 4.0, None, 4) == pytest.approx((1.0, 2.0, 3.0, 4.0))
 
 
 @pytest.fixture
@@ -165,7 +170,7 @@ def test_a_range_may_hold_for_some_conditions_only(read):
     ]
     (parameter,) = task_parameters(read, [PlausibleRange.model_validate(one) for one in ranges])
     egg, cylinder = read.counts.conditions
-    settings = [parameter.moved(Setting(read.task_of(c), ()), c, 0.017) for c in (egg, cylinder)]
+    settings = [parameter.moved(Setting(read.condition_task(c), ()), c, 0.017) for c in (egg, cylinder)]
     assert [s.task.object.radius_m for s in settings] == [None, 0.017]
     assert parameter.name == "task.object.radius_m where object is cylinder"
 
@@ -175,7 +180,9 @@ def test_effects_with_one_number_are_tried_by_default(read):
     assert {"stiffness.factor", "actuation_gain.gain", "pressure_offset.offset_pa"} <= set(parameters)
     assert not {"friction_hysteresis", "sensor_bias"} & {parameter.kind for parameter in parameters.values()}
     condition = read.counts.conditions[0]
-    setting = parameters["stiffness.factor"].moved(Setting(read.task_of(condition), ()), condition, 0.7)
+    setting = parameters["stiffness.factor"].moved(
+        Setting(read.condition_task(condition), ()), condition, 0.7
+    )
     assert [(e.kind, e.factor) for e in setting.effects] == [("stiffness", 0.7)]
 
 
@@ -198,6 +205,6 @@ def test_ranges_that_cannot_be(read, one, said):
 @pytest.mark.parametrize(
     "one", [{"key": "a", "low": 1.0, "high": 1.0}, {"key": "a", "low": "1 mm", "high": 2.0}]
 )
-def test_ranges_have_two_ends_of_one_kind(one):
+def test_ranges_have_two_ends_with_one_kind(one):
     with pytest.raises(ValueError, match=r"low"):
         PlausibleRange.model_validate(one)

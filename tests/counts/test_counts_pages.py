@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.counts.test_counts_comparison import counts_of
-from tests.counts.test_counts_diagnosis import counted, scan, sets_of, shares
+from tests.counts.test_counts_comparison import make_counts
+from tests.counts.test_counts_diagnosis import counted, draw_sets, scan, shares
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, labels_before_the_picture
 
@@ -17,7 +17,7 @@ from pliant.report.counts import counts_document
 from pliant.report.render import page, terminal
 
 
-def answers_of(document):
+def document_answers(document):
     made = page(document)
     assert labels_before_the_picture(made.html) == LABELS
     check_sound(made)
@@ -25,12 +25,12 @@ def answers_of(document):
 
 
 def compared(conditions, simulated):
-    counts = counts_of(*conditions)
+    counts = make_counts(*conditions)
     return counts_document("gripper", counts, compare_counts(counts, simulated))
 
 
 def test_a_comparison_says_which_conditions_are_wrong_and_which_way():
-    said = answers_of(compared([[10, 9, 10], [0, 0, 0], [6, 7, 6]], [(0, 10), (0, 10), (6, 10)]))
+    said = document_answers(compared([[10, 9, 10], [0, 0, 0], [6, 7, 6]], [(0, 10), (0, 10), (6, 10)]))
     assert "1 of 3 conditions differs by more than chance" in said["How good"]
     assert said["What is missing"].startswith("The bench succeeds more often: 0 weights (29/30, model 0/10)")
     assert "90 trials counted, 10 simulated" in said["How sure"] and "agree" in said["How sure"]
@@ -38,24 +38,24 @@ def test_a_comparison_says_which_conditions_are_wrong_and_which_way():
 
 
 def test_a_right_model_and_contradictory_repeats_ask_for_other_things():
-    right = answers_of(compared([[5, 5], [9, 10]], [(3, 8), (7, 8)]))
+    right = document_answers(compared([[5, 5], [9, 10]], [(3, 8), (7, 8)]))
     assert (
         right["What is missing"] == "Nothing that these counts show" and "diagnose" not in right["What next"]
     )
-    odd = answers_of(compared([[10, 0, 5], [10, 10, 10]], [(5, 10), (10, 10)]))
+    odd = document_answers(compared([[10, 0, 5], [10, 10, 10]], [(5, 10), (10, 10)]))
     assert "contradict" in odd["How sure"] and "differed" in odd["What next"]
 
 
 FOUND = {
-    "missing_effect": lambda: scan(sets_of(1.0, np.random.default_rng(0))),
+    "missing_effect": lambda: scan(draw_sets(1.0, np.random.default_rng(0))),
     "nothing_missing": lambda: scan([[round(10 * p)] * 3 for p in shares(0.8)]),
     "unknown_effect": lambda: scan([[round(10 * p)] * 3 for p in 1.0 - shares(0.8)]),
-    "not_repeatable": lambda: scan([[10, 0, 10], *sets_of(0.9, np.random.default_rng(0))[1:]]),
+    "not_repeatable": lambda: scan([[10, 0, 10], *draw_sets(0.9, np.random.default_rng(0))[1:]]),
     "insufficient_data": lambda: weighed(counted([[9], [0]]), [((), ())], [((12, 12), (0, 12))]),
     "ambiguous": lambda: next(
         found
         for seed in range(20)
-        if judge_counts(found := scan(sets_of(0.9, np.random.default_rng(seed)))).verdict == "ambiguous"
+        if judge_counts(found := scan(draw_sets(0.9, np.random.default_rng(seed)))).verdict == "ambiguous"
     ),
 }
 
@@ -71,7 +71,7 @@ def diagnosed(verdict):
 @pytest.mark.parametrize("verdict", FOUND)
 def test_every_verdict_answers_the_four_questions(verdict):
     judged, document = diagnosed(verdict)
-    said = answers_of(document)
+    said = document_answers(document)
     if verdict == "missing_effect":
         assert said["What is missing"] == "Most likely task.friction 1" and " %; " in said["How sure"]
     if judged.next_count is not None and verdict != "not_repeatable":

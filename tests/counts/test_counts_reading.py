@@ -1,4 +1,4 @@
-"""Files of counts: what is read, and what is refused with its line."""
+"""Files of counts: accepted content, and refusals with their line."""
 
 import pytest
 from tests.counts.counts_study import HEADER, STUDY
@@ -29,7 +29,7 @@ def read(tmp_path, study):
     return reading
 
 
-def test_rows_of_one_condition_are_its_sets(read, study):
+def test_rows_in_one_condition_are_its_sets(read, study):
     found = read(HEADER + "a,egg,13,6,6,10\nb,cylinder,13,2,9,10\nc,egg,13,6,7,10\n")
     assert [c.words for c in found.conditions] == ["egg, 6 extra weights", "cylinder, 2 extra weights"]
     egg, cylinder = found.conditions
@@ -41,7 +41,7 @@ def test_rows_of_one_condition_are_its_sets(read, study):
     assert found.trials == 30 and found.sha256
 
 
-def test_a_german_table_of_counts(read, study):
+def test_a_german_counts_table(read, study):
     found = read("Messung;pressure [mbar];Versuche;Erfolge;Notiz\na;130,5;10;6;x\nb;130,5;10;7;y\n")
     (condition,) = found.conditions
     assert (condition.successes, condition.trials, condition.sets[1].name) == (13, 20, "b")
@@ -148,13 +148,17 @@ def test_notes_that_name_what_is_not_there(read, notes, said):
     assert said in str(caught.value)
 
 
-def test_a_file_is_one_of_counts_by_its_columns(tmp_path, study):
+def test_a_counts_file_is_recognised_by_its_columns(tmp_path, study):
     path = tmp_path / "any.csv"
     task = study.noisy_task()
     for header, counted, of_a_chain in (
         ("object,successes,trials", True, True),
         ("pressure_pa,angle_rad", False, False),
-        ("pressure_pa,angle_rad,successes,trials", True, False),  # refused for a grasp, readings for a chain
+        (
+            "pressure_pa,angle_rad,successes,trials",
+            True,
+            False,
+        ),  # refused for a grasp; for a chain these are readings
     ):
         path.write_text(header + "\n")
         assert holds_counts(path, task) is counted

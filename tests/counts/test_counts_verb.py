@@ -28,7 +28,7 @@ def test_counts_are_simulated_compared_and_kept(call, tmp_path):
     assert (cylinder["simulated_successes"], cylinder["disagrees"]) == (
         0,
         True,
-    )  # 170 g at 11 kPa: no gripper holds it
+    )  # 170 g at 11 kPa: no gripper can lift it
     assert found["worst"][0]["condition"] == "cylinder, 11 kPa, 8 extra weights"
     assert (tmp_path / "page" / "pictures" / "runs.png").is_file()
     assert "differs" in (tmp_path / "page" / "report.html").read_text()
@@ -38,7 +38,7 @@ def test_counts_are_simulated_compared_and_kept(call, tmp_path):
     assert again.code == 0 and len(stored) == 2
     assert [
         file.stat().st_mtime_ns for file in stored
-    ] == times  # nothing is simulated twice, nor by other processes
+    ] == times  # nothing is simulated twice, nor in other processes
     second = json.loads((tmp_path / "again.json").read_text())
     assert second["log_likelihood"] == found["log_likelihood"]
 

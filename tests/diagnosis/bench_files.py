@@ -1,4 +1,4 @@
-"""A study and a bench CSV with chosen effects in it, as files."""
+"""A study and a bench CSV with chosen effects, written as files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, measurement_of, ramp
+from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, make_measurement, ramp
 
 from pliant.config.loading import load_study
 from pliant.evidence.prediction import Predictor
@@ -33,7 +33,7 @@ PRESSURE = 15e3
 
 
 def histories(repeats: int = 2) -> list[History]:
-    """Six conditions, each done `repeats` times."""
+    """Return six conditions, each repeated `repeats` times."""
     levels = (0.4 * PRESSURE, 0.0, 0.7 * PRESSURE, 0.0, PRESSURE, 0.0, PRESSURE, 0.0)
     found = []
     for k in range(repeats):
@@ -50,7 +50,7 @@ def histories(repeats: int = 2) -> list[History]:
 
 
 def study(folder: Path, text: str = STUDY, name: str = "joint.yaml"):
-    """The study, read."""
+    """Write the study and return it as read."""
     path = folder / name
     path.write_text(text)
     return load_study(path, REGISTRY)
@@ -63,10 +63,10 @@ def bench(
     seed: int = 0,
     runs: Sequence[History] | None = None,
 ) -> Measurement:
-    """What a bench with these effects reads: the study's model, coloured noise, small offsets between runs."""
+    """Return readings of a bench with these effects: the study's model, coloured noise, small offsets between runs."""
     rng = np.random.default_rng(seed)
     driven = histories() if runs is None else list(runs)
-    truth = Predictor.of_study(BENCH, study(folder, text, "truth.yaml"), blank(driven)).predict(effects)
+    truth = Predictor.from_study(BENCH, study(folder, text, "truth.yaml"), blank(driven)).predict(effects)
     readings = [
         {
             name: values + colour(rng, len(values), SIGMA, 0.6) + rng.normal(0, 0.1 * SIGMA)
@@ -74,11 +74,11 @@ def bench(
         }
         for run in truth
     ]
-    return measurement_of(driven, readings)
+    return make_measurement(driven, readings)
 
 
 def csv(measurement: Measurement) -> str:
-    """The measurement as the file that a bench writes."""
+    """Return the measurement as the CSV text that a bench writes."""
     lines = ["run,specimen,time_s,pressure_pa,moment_n_m,base_pitch_rad,angle_rad"]
     for run in measurement.runs:
         h = run.history

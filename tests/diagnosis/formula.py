@@ -1,4 +1,4 @@
-"""Fits of formulas instead of chains: everything that the fitter asks of a predictor, with answers known by hand."""
+"""Formulas in the place of chains: the predictor interface that the fitter uses, with answers known by hand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pliant.records.measurement import MeasuredRun, Measurement
 
 
 class Formula(EffectConfig):
-    """Two numbers."""
+    """A config of two numbers."""
 
     kind: str = "formula"
     a: float = 0.0
@@ -58,11 +58,11 @@ def candidate(*parameters):
 
 
 def measured(readings, clocks, levels=None):
-    """Runs at a pressure each; runs of one pressure are repeats."""
+    """Return runs at one pressure each; runs of one pressure are repeats."""
     levels = range(len(clocks)) if levels is None else levels
     runs = tuple(
         MeasuredRun(
-            History.of({"pressure_pa": np.full(len(t), 1e3 * level)}, t, run=f"r{k}"),
+            History.from_arrays({"pressure_pa": np.full(len(t), 1e3 * level)}, t, run=f"r{k}"),
             {"angle_rad": y},
             {},
             np.ones(len(t)),
@@ -75,5 +75,5 @@ def measured(readings, clocks, levels=None):
 
 def fitter(function, measurement, scale=1.0):
     clocks = [run.history.time_s for run in measurement.runs]
-    readings = ReadingVector.of(measurement, ("angle_rad",), {"angle_rad": scale})
+    readings = ReadingVector.from_measurement(measurement, ("angle_rad",), {"angle_rad": scale})
     return Fitter(FormulaPredictor(function, clocks), readings)

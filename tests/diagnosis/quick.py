@@ -13,7 +13,7 @@ from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.readings import ReadingVector
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -26,8 +26,8 @@ from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 REGISTRY = discover()
-BENCH = Workbench(REGISTRY, ArtifactStore(Path("unused")))
-ENGINE = Quasistatic(QuasistaticConfig())  # one for all tests: it keeps compiled terms and law tables
+BENCH = RunContext(REGISTRY, ArtifactStore(Path("unused")))
+ENGINE = Quasistatic(QuasistaticConfig())  # one for all tests: caches terms and law tables
 P = 15e3
 SIGMA = 2e-3
 # One strength of each shipped effect, well inside its plausible range.
@@ -65,37 +65,37 @@ MORE_VALUES: dict[str, dict[str, float]] = {
 
 
 def effect(kind: str, **values: Any) -> EffectConfig:
-    """The config of an effect; the strength of `VALUES` or `MORE_VALUES` unless values are given."""
+    """Return the config of an effect; its strength is that of `VALUES` or `MORE_VALUES` unless values are given."""
     model = REGISTRY.get("effect", kind).config_model()
     return model.model_validate({"kind": kind, **(values or {**VALUES, **MORE_VALUES}[kind])})  # type: ignore[return-value]
 
 
 def joint(modules: int = 1, **chain: Any) -> ChainModel:
-    """A heavy finger: gravity bends it as much as a load does."""
+    """Return a heavy finger, which gravity bends as much as a load does."""
     return sample_chain(modules=modules, payload=0.03, **chain)
 
 
-def run_of(
+def make_history(
     name: str, time_s: Array | None, pressure: Array, specimen: str = "A", **conditions: Any
 ) -> History:
-    """A history of the pressure."""
-    return History.of({"pressure_pa": pressure}, time_s, run=name, specimen=specimen, **conditions)
+    """Return a history of the pressure."""
+    return History.from_arrays({"pressure_pa": pressure}, time_s, run=name, specimen=specimen, **conditions)
 
 
 def ramp(name: str, rate: float, step_s: float, levels: Sequence[float] = (P, 0.0), **more: Any) -> History:
-    """Straight ramps with holds of four seconds."""
+    """Return straight ramps with pauses of four seconds at each level."""
     time_s, pressure = triangles(levels, rate, step_s, holds_s=4.0)
-    return run_of(name, time_s, pressure, **more)
+    return make_history(name, time_s, pressure, **more)
 
 
 def pushes(name: str, pressure: float, moment: float = 6e-3, **more: Any) -> History:
-    """Load steps of both signs at a constant pressure."""
+    """Return load steps of both signs at a constant pressure."""
     load = moment * np.repeat([0.0, 1.0, 0.0, -1.0, 0.5, 0.0], 10)
-    return run_of(name, 0.5 * np.arange(60), np.full(60, pressure), moment_n_m=load, **more)
+    return make_history(name, 0.5 * np.arange(60), np.full(60, pressure), moment_n_m=load, **more)
 
 
 def rich(repeats: int = 2) -> list[History]:
-    """Rates, holds, loads, orientation, temperature and virgin specimens, each run `repeats` times."""
+    """Return runs at several rates, loads, orientations, temperatures and virgin specimens, each `repeats` times."""
     found = []
     for k in range(repeats):
         body = "AB"[k % 2]
@@ -113,22 +113,22 @@ def rich(repeats: int = 2) -> list[History]:
 
 
 def poor(repeats: int = 2) -> list[History]:
-    """One slow sweep without load."""
+    """Return one slow sweep without load."""
     return [ramp(f"slow{k}", 500.0, 1.0) for k in range(repeats)]
 
 
 def colour(rng: np.random.Generator, n: int, sigma: float, phi: float) -> Array:
-    """Stationary first-order autoregressive noise."""
+    """Return stationary first-order autoregressive noise."""
     white = rng.normal(0, sigma * np.sqrt(1 - phi**2), n)
     white[0] = rng.normal(0, sigma)
     coloured: Array = lfilter([1.0], [1.0, -phi], white)
     return coloured
 
 
-def measurement_of(
+def make_measurement(
     histories: Sequence[History], readings: Sequence[dict[str, Array]], **more: Any
 ) -> Measurement:
-    """Readings as a measurement."""
+    """Return readings as a measurement."""
     runs = [
         MeasuredRun(h, r, {}, np.ones(len(h)), np.arange(len(h)) + 2)
         for h, r in zip(histories, readings, strict=True)
@@ -137,8 +137,8 @@ def measurement_of(
 
 
 def blank(histories: Sequence[History], outputs: Sequence[str] = ("angle_rad",)) -> Measurement:
-    """The runs with zeros for readings."""
-    return measurement_of(histories, [{name: np.zeros(len(h)) for name in outputs} for h in histories])
+    """Return the runs with zeros for readings."""
+    return make_measurement(histories, [{name: np.zeros(len(h)) for name in outputs} for h in histories])
 
 
 def measured(
@@ -151,8 +151,8 @@ def measured(
     offset: float = 0.0,
     outputs: Sequence[str] = ("angle_rad",),
 ) -> Measurement:
-    """What a bench with these effects reads, coloured noise and offsets between runs added."""
-    model = predictor_of(chain, blank(histories, outputs))
+    """Return the readings of a bench with these effects, with coloured noise and offsets between runs."""
+    model = make_predictor(chain, blank(histories, outputs))
     close = dict.fromkeys(outputs, 0.05 * sigma) if sigma > 0.0 else None
     truth = model.refined(model.steps_between_samples(effects, close=close)).evaluate(effects).runs
     rng = np.random.default_rng(seed)
@@ -163,15 +163,15 @@ def measured(
         }
         for run in truth
     ]
-    return measurement_of(histories, noisy)
+    return make_measurement(histories, noisy)
 
 
-def predictor_of(chain: ChainModel, measurement: Measurement, *effects: EffectConfig) -> Predictor:
-    """The chain driven by the measurement's histories; its law is exact and said to be so to 0.05 %."""
+def make_predictor(chain: ChainModel, measurement: Measurement, *effects: EffectConfig) -> Predictor:
+    """Return the chain driven by the measurement's histories; its law is exact and stated to be exact to 0.05 %."""
     return Predictor(BENCH, ENGINE, chain, measurement, effects, law_error=0.0005)
 
 
-def fitter_of(predictor: Predictor, sigma: float = SIGMA) -> Fitter:
-    """A fitter whose readings are in units of sigma."""
+def make_fitter(predictor: Predictor, sigma: float = SIGMA) -> Fitter:
+    """Return a fitter whose readings are in units of sigma."""
     scales = dict.fromkeys(predictor.outputs, sigma)
-    return Fitter(predictor, ReadingVector.of(predictor.measurement, tuple(scales), scales))
+    return Fitter(predictor, ReadingVector.from_measurement(predictor.measurement, tuple(scales), scales))

@@ -1,4 +1,4 @@
-"""Evidence tables made by hand."""
+"""Evidence tables with values set by hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pliant.diagnosis.noise import NoiseView
 
 
 def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: float | None = None) -> Row:
-    """A hypothesis with this mean square; errors on unseen runs are a little larger."""
+    """Return a hypothesis with this mean square; errors on unseen runs are a little larger."""
     left = 1.01 * square if heldout is None else heldout
     values = {
         "kinds": kinds,
@@ -25,6 +25,7 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "law_price": 0.0,
         "raw_square": float("nan"),
         "prior_price": 0.0,
+        "imitated_price": 0.0,
     }
     return Row(**{field.name: values[field.name] for field in fields(Row)})  # type: ignore[arg-type]
 
@@ -38,6 +39,6 @@ def table(
     slip: float = 1.0,
     readings: int = 1000,
 ) -> EvidenceTable:
-    """A table of mean squares by hypothesis."""
+    """Return a table of mean squares by hypothesis."""
     noise = NoiseView({}, n, floor, judged, slip)
     return EvidenceTable({kinds: row(kinds, square) for kinds, square in squares.items()}, noise, readings)

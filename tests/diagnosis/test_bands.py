@@ -1,4 +1,4 @@
-"""Bands on runs that no fit has seen, and what a study keeps of a posterior."""
+"""Bands on runs that no fit has seen, and the part of a posterior that a study keeps."""
 
 import json
 from dataclasses import replace
@@ -32,10 +32,10 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def written(folder):
-    """A study with a fitted effect, and its measurement."""
+    """Return a study with a fitted effect, and its measurement."""
     measurement = bench(folder, effect("viscoelastic"))
     model = study(folder)
-    found = extend(Ground.of(BENCH, model, measurement), (), ["viscoelastic"], profiles=False)
+    found = extend(Ground.from_study(BENCH, model, measurement), (), ["viscoelastic"], profiles=False)
     target = folder / "new.yaml"
     write_extended_study(folder / "joint.yaml", target, model, (), found, "fitted to bench.csv", discover())
     return target, found, measurement
@@ -46,15 +46,15 @@ def part(measurement, runs):
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(6, marks=pytest.mark.slow)])
-def test_nine_in_ten_readings_of_runs_that_were_not_fitted_lie_within(folder, seeds):
+def test_nine_in_ten_readings_in_runs_that_were_not_fitted_lie_within(folder, seeds):
     held = []
     model = study(folder)
     for seed in range(seeds):
         kind = ("viscoelastic", "viscous_damping", "mullins")[seed % 3]
         measurement = bench(folder, effect(kind), seed=seed)
-        found = extend(Ground.of(BENCH, model, part(measurement, FITTED)), (), [kind], profiles=False)
+        found = extend(Ground.from_study(BENCH, model, part(measurement, FITTED)), (), [kind], profiles=False)
         unseen = part(measurement, UNSEEN)
-        made = bands(Ground.of(BENCH, model, unseen).predictor, found.posterior, found.scatter)
+        made = bands(Ground.from_study(BENCH, model, unseen).predictor, found.posterior, found.scatter)
         held.append(made.held(unseen)["angle_rad"])
     assert 0.85 <= np.mean(held) <= 0.95
     assert min(held) > 0.7
@@ -62,7 +62,7 @@ def test_nine_in_ten_readings_of_runs_that_were_not_fitted_lie_within(folder, se
 
 def test_doubt_about_a_parameter_widens_the_band_where_the_parameter_acts(written):
     _, found, measurement = written
-    predictor = Ground.of(BENCH, load_study(written[0], REGISTRY), measurement).predictor
+    predictor = Ground.from_study(BENCH, load_study(written[0], REGISTRY), measurement).predictor
     surely = bands(predictor, found.posterior, found.scatter)
     unsure = Posterior(
         found.candidate, found.posterior.x, 100.0 * found.posterior.covariance, found.posterior.freedom
@@ -70,14 +70,14 @@ def test_doubt_about_a_parameter_widens_the_band_where_the_parameter_acts(writte
     wide = bands(predictor, unsure, found.scatter)
     pressed = np.argmax(measurement.runs[1].history.actuation["pressure_pa"])
     (a, b) = ((one.high[1]["angle_rad"] - one.low[1]["angle_rad"]) / 2 for one in (surely, wide))
-    assert b[0] == pytest.approx(a[0], rel=0.01)  # nothing has crept yet
+    assert b[0] == pytest.approx(a[0], rel=0.01)  # before any creep
     noise = a[0] ** 2
     assert (b[pressed] ** 2 - noise) / (a[pressed] ** 2 - noise) == pytest.approx(100.0, rel=0.3)
 
 
 def test_the_band_is_as_wide_as_the_noise_and_as_what_the_fit_left(written):
     _, found, measurement = written
-    predictor = Ground.of(BENCH, load_study(written[0], REGISTRY), measurement).predictor
+    predictor = Ground.from_study(BENCH, load_study(written[0], REGISTRY), measurement).predictor
     sure = Posterior(found.candidate, found.posterior.x, 1e-12 * found.posterior.covariance, 1e6)
     for scatter, wanted in ((ReadingScatter(0.01, 0.004), 0.01), (ReadingScatter(0.01, 0.03), 0.03)):
         made = bands(predictor, sure, {"angle_rad": scatter}, level=0.9, count=8)
@@ -96,7 +96,7 @@ def test_a_law_with_an_error_bar_widens_the_band(folder):
     text += "surrogate: {kind: polynomial, data: fem.csv}\n"
     model = study(folder, text, "fem.yaml")
     measurement = bench(folder, effect("viscoelastic"), runs=histories(1))
-    ground = Ground.of(replace(BENCH, store=ArtifactStore(folder / "store")), model, measurement)
+    ground = Ground.from_study(replace(BENCH, store=ArtifactStore(folder / "store")), model, measurement)
     assert ground.predictor.chain.laws[0].error is not None
     found = extend(ground, (), ["viscoelastic"], profiles=False)
     exact = ground.predictor.chain.with_(laws=tuple(_exact(law) for law in ground.predictor.chain.laws))
@@ -130,7 +130,7 @@ def test_what_a_study_keeps_is_read_back_as_it_was(written):
     assert study_bands(BENCH, study(target.parent), measurement) == (None, "")
 
 
-def test_a_posterior_of_other_values_is_not_used_and_said(written):
+def test_a_posterior_with_other_values_is_not_used_and_reported(written):
     target, _, measurement = written
     for override, word in (("effects.0.share=0.4", "has 0.4"), ("effects=[]", "not among the effects")):
         made, why = study_bands(BENCH, load_study(target, REGISTRY, [override]), measurement)

@@ -1,4 +1,4 @@
-"""Mistakes of the record are printed before everything else, and effects of the bench say to correct the file."""
+"""Mistakes of the record are printed before everything else, and effects of the bench advise to correct the file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.command import called
 from tests.diagnosis.bench_files import STUDY, bench, csv, study
-from tests.diagnosis.quick import REGISTRY, joint, measured, predictor_of, ramp, run_of
+from tests.diagnosis.quick import REGISTRY, joint, make_history, make_predictor, measured, ramp
 from tests.diagnosis.quick import effect as config_of
 
 from pliant import api
@@ -25,13 +25,13 @@ HANGING = "chain: {modules: 1, module_length: 80 mm, module_mass: 40 g}"
 
 
 def level(gravity: str = "") -> str:
-    """The study with a light joint that is held level."""
+    """Return the study with a light joint that is held level."""
     assert HANGING in STUDY
     return STUDY.replace(HANGING, LEVEL + gravity + "}") + "measurements: {file: bench.csv}\n"
 
 
 def forgotten_gravity(folder: Path) -> None:
-    """A study without gravity beside the recording of a joint that sags."""
+    """Write a study without gravity and the recording of a joint that sags."""
     runs = [ramp(f"r{k}{again}", rate, 0.5) for k, rate in enumerate((1e3, 3e3)) for again in "ab"]
     (folder / "bench.csv").write_text(csv(bench(folder, text=level(), runs=runs)))
     study(folder, level(", gravity: [0, 0, 0]"))
@@ -66,7 +66,7 @@ def test_improve_says_so_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_unit_that_the_model_settles_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pressures of 15 Pa are doubted when the file is read; the model says what they are."""
+    """Pressures of 15 Pa are doubted when the file is read; the model determines their unit."""
     monkeypatch.chdir(tmp_path)
     written = bench(tmp_path, text=level())
 
@@ -88,7 +88,7 @@ def test_a_unit_that_the_model_settles_is_told_once(tmp_path: Path, monkeypatch:
 
 
 def sweeps() -> Measurement:
-    """Pressure sweeps with 0 and 20 g, of which 20 g were 28 g."""
+    """Return pressure sweeps with 0 and 20 g, where the 20 g were in fact 28 g."""
     runs = [ramp(f"p{k}{mass}", 2e3, 0.5, payload_kg=mass) for k in range(2) for mass in (0.0, 0.028)]
     found = measured(joint(3), runs)
     relabelled = [
@@ -101,7 +101,7 @@ def sweeps() -> Measurement:
 def test_a_wrong_payload_is_to_be_corrected_in_the_file() -> None:
     measurement = sweeps()
     found = diagnose(
-        predictor_of(joint(3), measurement), kinds=["payload_error", "stiffness", "actuation_gain"]
+        make_predictor(joint(3), measurement), kinds=["payload_error", "stiffness", "actuation_gain"]
     )
     assert found.selected == ("payload_error",)
     value = found.estimates[found.selected].estimates[0].value
@@ -121,10 +121,10 @@ def test_a_wrong_payload_is_to_be_corrected_in_the_file() -> None:
     ],
 )
 def test_mistakes_that_a_record_cannot_have_are_no_candidates(kind: str, why: str) -> None:
-    """They are left out with their reason, so that they cost the others nothing."""
+    """They are left out with their reason, so that they do not lower the probability of the others."""
     chain = joint(1).with_(payload_kg=0.0)
-    runs = [run_of(f"r{k}", None, np.linspace(0.0, 15e3, 20)) for k in range(2)]
-    found = diagnose(predictor_of(chain, measured(chain, runs)), kinds=[kind, "stiffness"])
+    runs = [make_history(f"r{k}", None, np.linspace(0.0, 15e3, 20)) for k in range(2)]
+    found = diagnose(make_predictor(chain, measured(chain, runs)), kinds=[kind, "stiffness"])
     assert (kind,) not in found.fits
     assert any(kind in text and why in text for text in found.not_tried)
 
@@ -132,7 +132,7 @@ def test_mistakes_that_a_record_cannot_have_are_no_candidates(kind: str, why: st
 def test_a_clock_offset_is_told_from_a_supply() -> None:
     runs = [ramp(f"f{k}", 15e3, 0.1, (15e3, 0.0, 15e3, 0.0)) for k in range(2)]
     offset = config_of("clock_offset", late_s=-0.3)
-    model: Predictor = predictor_of(joint(1), measured(joint(1), runs, offset))
+    model: Predictor = make_predictor(joint(1), measured(joint(1), runs, offset))
     found = diagnose(model, kinds=["clock_offset", "supply_lag", "sensor_lag"])
     assert found.selected == ("clock_offset",)
     assert found.estimates[found.selected].estimates[0].value == pytest.approx(-0.3, abs=0.02)
@@ -140,8 +140,8 @@ def test_a_clock_offset_is_told_from_a_supply() -> None:
 
 
 @pytest.mark.slow
-def test_the_trial_of_a_tilted_chain_with_a_wrong_payload(tmp_path: Path) -> None:
-    """A base tilted by 4° and 19 g written down as 13 g, among all effects that ship."""
+def test_the_trial_with_a_tilted_chain_and_a_wrong_payload(tmp_path: Path) -> None:
+    """The base is tilted by 4° and 19 g are recorded as 13 g; all shipped effects are candidates."""
     path = TRIALS / "chain_payload_and_tilt" / "B.yaml"
     if not path.is_file():
         pytest.skip(f"{path} is not here")

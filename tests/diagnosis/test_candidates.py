@@ -1,4 +1,4 @@
-"""Fit parameters: scaling there and back, bounds, starts."""
+"""Fit parameters: scaling and its inverse, bounds, starts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pliant.diagnosis.candidates import MOST_STARTS, EffectSet, FitParameter
 from pliant.errors import UserError
 from pliant.interfaces.effect import EffectParameter
 
-KNOBS = [parameter for kind in VALUES for parameter in EffectSet.of(REGISTRY, (kind,)).parameters]
+KNOBS = [parameter for kind in VALUES for parameter in EffectSet.from_kinds(REGISTRY, (kind,)).parameters]
 parameters = pytest.mark.parametrize("parameter", KNOBS, ids=lambda parameter: parameter.name)
 
 
@@ -46,7 +46,7 @@ def test_any_normal_parameter_scales_there_and_back(neutral, reach, share, x) ->
 
 @pytest.mark.parametrize("kind", VALUES)
 def test_starts_are_legal_and_few(kind: str) -> None:
-    candidate = EffectSet.of(REGISTRY, (kind,))
+    candidate = EffectSet.from_kinds(REGISTRY, (kind,))
     low, high = candidate.limits()
     starts = candidate.starts()
     assert 1 <= len(starts) <= MOST_STARTS
@@ -57,7 +57,7 @@ def test_starts_are_legal_and_few(kind: str) -> None:
 
 
 def test_known_knobs_start_where_they_are() -> None:
-    pair = EffectSet.of(REGISTRY, ("mullins", "stiffness"))
+    pair = EffectSet.from_kinds(REGISTRY, ("mullins", "stiffness"))
     known = {"mullins.softening": 0.7, "mullins.scale_rad": -0.2}
     for x in pair.starts(known):
         np.testing.assert_allclose(x[:2], [0.7, -0.2])
@@ -69,7 +69,7 @@ def test_known_knobs_start_where_they_are() -> None:
 
 
 def test_nothing_has_no_knobs() -> None:
-    nothing = EffectSet.of(REGISTRY, ())
+    nothing = EffectSet.from_kinds(REGISTRY, ())
     assert len(nothing) == 0
     assert nothing.configs(np.zeros(0)) == ()
     assert nothing.limits()[0].shape == (0,)
@@ -77,4 +77,4 @@ def test_nothing_has_no_knobs() -> None:
 
 def test_unknown_kinds_are_named_with_the_closest() -> None:
     with pytest.raises(UserError, match="did you mean 'stiffness'"):
-        EffectSet.of(REGISTRY, ("stifness",))
+        EffectSet.from_kinds(REGISTRY, ("stifness",))

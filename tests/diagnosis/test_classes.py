@@ -1,4 +1,4 @@
-"""Classes of effects that runs cannot tell apart, before anything is read, and the run that splits them."""
+"""Classes of effects that runs cannot distinguish, before any reading, and the run that separates them."""
 
 from __future__ import annotations
 
@@ -9,19 +9,26 @@ from tests.diagnosis.quick import (
     SIGMA,
     blank,
     effect,
-    fitter_of,
     joint,
+    make_fitter,
+    make_predictor,
     measured,
-    predictor_of,
     pushes,
     ramp,
 )
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.classes import EffectClass, classes_of, connected, design_runs, split_classes, unread
+from pliant.diagnosis.classes import (
+    EffectClass,
+    confounded_classes,
+    connected,
+    design_runs,
+    split_classes,
+    unread,
+)
 from pliant.diagnosis.diagnosis import diagnose, why
 from pliant.diagnosis.excitation import ConfoundedPair, excitations
-from pliant.diagnosis.next_run import view_of
+from pliant.diagnosis.next_run import catalogue_view
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.planned_run import BenchScale, named_run
 from pliant.report.diagnosis import diagnosis_json
@@ -33,12 +40,12 @@ N = 60.0
 
 
 def shown(histories, chain=FLAT, kinds=KINDS):
-    predictor = predictor_of(chain, blank(histories))
-    fitter = fitter_of(predictor)
-    return predictor, excitations(REGISTRY, fitter, fitter.fit(EffectSet.of(REGISTRY, ())), kinds)
+    predictor = make_predictor(chain, blank(histories))
+    fitter = make_fitter(predictor)
+    return predictor, excitations(REGISTRY, fitter, fitter.fit(EffectSet.from_kinds(REGISTRY, ())), kinds)
 
 
-def test_classes_are_connected_parts_of_pairs_that_are_alike_both_ways() -> None:
+def test_classes_are_connected_parts_in_pairs_that_are_alike_both_ways() -> None:
     pairs = [ConfoundedPair(a, b, 0.0) for a, b in ("ab", "ba", "bc", "cb", "cd", "ef", "fe")]
     assert connected("abcdefg", pairs) == (("a", "b", "c"), ("e", "f"))
     assert connected("ab", []) == ()
@@ -46,25 +53,25 @@ def test_classes_are_connected_parts_of_pairs_that_are_alike_both_ways() -> None
 
 def test_a_stiffness_and_a_gain_are_one_until_a_load_parts_them() -> None:
     predictor, found = shown(NARROW)
-    (together,) = classes_of(found, N)
+    (together,) = confounded_classes(found, N)
     assert {"stiffness", "actuation_gain"} <= set(together)
-    (split,) = split_classes(REGISTRY, view_of(predictor, {"angle_rad": SIGMA}, N), found, N)
+    (split,) = split_classes(REGISTRY, catalogue_view(predictor, {"angle_rad": SIGMA}, N), found, N)
     assert split.kinds == together
     assert split.run in ("passive_load_steps", "load_steps", "blocked")
     assert len(split.parts) > 1 and split.minutes > 0.0 and split.words
     _, loaded = shown([*NARROW, pushes("p", 0.0), pushes("q", 6e3)])
-    assert not any({"stiffness", "actuation_gain"} <= set(part) for part in classes_of(loaded, N))
+    assert not any({"stiffness", "actuation_gain"} <= set(part) for part in confounded_classes(loaded, N))
 
 
 def test_only_classes_with_an_explanation_that_is_left_look_into_the_menu() -> None:
     predictor, found = shown(NARROW)
-    view = view_of(predictor, {"angle_rad": SIGMA}, N)
+    view = catalogue_view(predictor, {"angle_rad": SIGMA}, N)
     (split,) = split_classes(REGISTRY, view, found, N, left=[("viscous_damping",), ()])
-    assert split == EffectClass(classes_of(found, N)[0], parts=classes_of(found, N))
+    assert split == EffectClass(confounded_classes(found, N)[0], parts=confounded_classes(found, N))
 
 
 def test_a_diagnosis_says_which_run_splits_its_class() -> None:
-    found = diagnose(predictor_of(FLAT, measured(FLAT, NARROW, effect("stiffness"), seed=3)), kinds=KINDS)
+    found = diagnose(make_predictor(FLAT, measured(FLAT, NARROW, effect("stiffness"), seed=3)), kinds=KINDS)
     assert found.verdict == "ambiguous"
     (one,) = (one for one in found.classes if "stiffness" in one.kinds)
     (written,) = (entry for entry in diagnosis_json(found)["classes"] if "stiffness" in entry["kinds"])
@@ -75,30 +82,30 @@ def test_a_diagnosis_says_which_run_splits_its_class() -> None:
 
 
 def test_a_class_does_not_depend_on_what_was_read() -> None:
-    fitter = fitter_of(predictor_of(FLAT, measured(FLAT, NARROW, seed=3)))
-    found = excitations(REGISTRY, fitter, fitter.fit(EffectSet.of(REGISTRY, ())), KINDS)
-    assert classes_of(found, N) == classes_of(shown(NARROW)[1], N)
+    fitter = make_fitter(make_predictor(FLAT, measured(FLAT, NARROW, seed=3)))
+    found = excitations(REGISTRY, fitter, fitter.fit(EffectSet.from_kinds(REGISTRY, ())), KINDS)
+    assert confounded_classes(found, N) == confounded_classes(shown(NARROW)[1], N)
 
 
 def test_more_readings_part_more() -> None:
     _, found = shown(NARROW)
-    few, many = (sum(map(len, classes_of(found, n))) for n in (20.0, 1e5))
+    few, many = (sum(map(len, confounded_classes(found, n))) for n in (20.0, 1e5))
     assert many <= few
 
 
 @pytest.fixture(scope="module")
 def designed():
-    runs = timed_catalogue(BenchScale.of_chain(FLAT, 15e3))
-    predictor = predictor_of(FLAT, unread(runs, ("angle_rad",)))
+    runs = timed_catalogue(BenchScale.from_chain(FLAT, 15e3))
+    predictor = make_predictor(FLAT, unread(runs, ("angle_rad",)))
     kinds = [*KINDS, "thermal_softening", "mullins"]
     return runs, predictor, kinds, design_runs(predictor, runs, kinds)
 
 
 def test_the_fewest_runs_tell_what_the_whole_menu_tells(designed) -> None:
     runs, _, _, found = designed
-    assert list(found.parts) == sorted(set(found.parts))  # every run splits something more
+    assert list(found.parts) == sorted(set(found.parts))  # every run separates something
     assert len(found.chosen) < len(runs)
-    assert "warm" in {runs[k].name for k in found.chosen}  # nothing else shows softening with temperature
+    assert "warm" in {runs[k].name for k in found.chosen}  # no other effect softens with temperature
     assert not found.silent
     assert found.snr["thermal_softening"][[run.name for run in runs].index("slow_cycles")] == pytest.approx(
         0.0, abs=1e-9

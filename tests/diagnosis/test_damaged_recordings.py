@@ -1,4 +1,4 @@
-"""Recordings as benches write them on a bad day: every step of the loop answers, in words and without a warning."""
+"""Damaged recordings: every step of the loop answers in words and without a Python warning."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from tests.diagnosis.bench_files import bench, study
-from tests.diagnosis.quick import BENCH, REGISTRY, effect, measurement_of
+from tests.diagnosis.quick import BENCH, REGISTRY, effect, make_measurement
 from tests.report.pages import words
 
 from pliant.diagnosis.diagnosis import diagnose
@@ -34,7 +34,7 @@ DAMAGE: dict[str, Callable[[Array], Array]] = {
 
 def damaged(measurement: Measurement, damage: Callable[[Array], Array]) -> Measurement:
     runs = measurement.runs
-    return measurement_of(
+    return make_measurement(
         [run.history for run in runs], [{"angle_rad": damage(run.outputs["angle_rad"])} for run in runs]
     )
 
@@ -45,12 +45,12 @@ def damaged(measurement: Measurement, damage: Callable[[Array], Array]) -> Measu
 def test_the_loop_answers(tmp_path, name):
     model = study(tmp_path)
     measurement = damaged(bench(tmp_path, effect("stiffness", factor=1.2)), DAMAGE[name])
-    predictor = Predictor.of_study(BENCH, model, measurement)
+    predictor = Predictor.from_study(BENCH, model, measurement)
     assert compare(measurement, predictor.predict()).rmse_over_floor != 0.0
     found = diagnose(predictor, kinds=KINDS)
     assert found.judgement.sentence
     better = improve(BENCH, model, measurement, kinds=KINDS)
     document = improvement_document("damaged", measurement, better, REGISTRY)
     assert "nan" not in words(page(document).html) + document.sentence
-    fitted = extend(Ground.of(BENCH, model, measurement), (), ["stiffness"], profiles=False)
+    fitted = extend(Ground.from_study(BENCH, model, measurement), (), ["stiffness"], profiles=False)
     assert "nan" not in extension_document("damaged", measurement, fitted, REGISTRY).sentence

@@ -1,4 +1,4 @@
-"""From measurements to a verdict: single effects, pairs, none, and data as benches really leave them."""
+"""From measurements to a verdict: single effects, pairs, no effect, and data with the usual defects of a bench."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tests.diagnosis.quick import (
     P,
     effect,
     joint,
+    make_history,
+    make_predictor,
     measured,
     poor,
-    predictor_of,
     ramp,
     rich,
-    run_of,
 )
 from tests.slow import slow_among
 
@@ -39,8 +39,8 @@ FEW = ["stiffness", "actuation_gain", "sensor_bias", "mullins"]
 def judged(
     measurement: Measurement, *study: EffectConfig, chain: ChainModel = CHAIN, **more: object
 ) -> Diagnosis:
-    """The diagnosis; every sentence and number of it must be printable."""
-    found = diagnose(predictor_of(chain, measurement, *study), **more)  # type: ignore[arg-type]
+    """Return the diagnosis; every sentence and number of it must be printable."""
+    found = diagnose(make_predictor(chain, measurement, *study), **more)  # type: ignore[arg-type]
     values = diagnosis_json(found)
     assert sum(h["probability"] for h in values["hypotheses"]) == pytest.approx(1.0)
     words = [found.judgement.sentence, *explanation(found, REGISTRY), *found.remarks]
@@ -55,13 +55,13 @@ def stiff() -> Measurement:
 
 @pytest.fixture(scope="module")
 def twice():
-    """The rich protocol with a second temperature: what one condition alone shows cannot be checked on another."""
+    """Return the rich protocol at two temperatures, since an effect in a single condition cannot be cross-checked."""
     more = [ramp(f"hot{k}", 3e3, 0.5, specimen="AB"[k], temperature_c=47.0) for k in range(2)]
     over = [ramp(f"over{k}", 3e3, 0.5, specimen="AB"[k], base_angles_rad=[0.0, np.pi, 0.0]) for k in range(2)]
     return [*rich(), *more, *over]
 
 
-# Five kinds of every place stand for these in the fast suite.
+# Five kinds of every place represent these in the fast suite.
 REST = [
     "pressure_offset",
     "dead_zone",
@@ -77,7 +77,7 @@ REST = [
 @pytest.mark.parametrize("kind", slow_among(VALUES, *REST, "gravity_scale"))
 def test_one_hidden_effect_is_named_alone(kind: str, twice) -> None:
     measurement = measured(CHAIN, twice, effect(kind), seed=11)
-    found = judged(measurement, kinds=sorted({*FEW, "viscous_damping", kind}))  # four that stand in for many
+    found = judged(measurement, kinds=sorted({*FEW, "viscous_damping", kind}))  # four represent the others
     assert (found.verdict, found.selected) == ("missing_effect", (kind,))
     # χ² of coloured noise: its squares are correlated by φ², here 0.36
     free = found.table.n_readings * (1 - 0.36) / (1 + 0.36)
@@ -87,11 +87,11 @@ def test_one_hidden_effect_is_named_alone(kind: str, twice) -> None:
 
 @pytest.mark.parametrize("seed", slow_among(range(3), 2))
 def test_nothing_is_missing_from_clean_data(seed: int) -> None:
-    kinds = FEW if seed else None  # once among all
+    kinds = FEW if seed else None  # once among all effects
     assert judged(measured(CHAIN, rich(), seed=seed), kinds=kinds).verdict == "nothing_missing"
 
 
-# Each at two or three times the noise: beside a much stronger effect a weak one is taken for its equation's error.
+# Each at two or three times the noise: next to a much stronger effect a weak one is taken for its equation's error.
 PAIRS = [
     {"stiffness": {"factor": 1.05}, "sensor_bias": {"bias_rad": 0.006}},
     {
@@ -110,7 +110,7 @@ def test_two_hidden_effects_are_both_named(pair, twice) -> None:
     assert found.selected == tuple(sorted(pair))
 
 
-def test_effects_of_the_study_are_not_found_again() -> None:
+def test_effects_in_the_study_are_not_identified_again() -> None:
     measurement = measured(CHAIN, rich(), STIFF, effect("sensor_bias"), seed=1)
     assert judged(measurement, effect("sensor_bias"), kinds=FEW).selected == ("stiffness",)
     assert judged(measurement, effect("sensor_bias"), STIFF, kinds=FEW).verdict == "nothing_missing"
@@ -145,7 +145,7 @@ def test_without_repeats_a_clean_model_cannot_be_called_complete() -> None:
 
 
 def test_look_alikes_over_a_narrow_range_are_ambiguous() -> None:
-    """No load and little pressure: a soft joint and a strong supply are one and the same."""
+    """Without load and at low pressure a soft joint and a strong supply have the same readings."""
     flat = joint(gravity=(0, 0, 0))
     runs = [ramp(f"r{k}", 200.0, 0.5, (3e3, 2e3, 3e3)) for k in range(3)]
     found = judged(measured(flat, runs, STIFF, seed=5), chain=flat, kinds=FEW)
@@ -154,7 +154,7 @@ def test_look_alikes_over_a_narrow_range_are_ambiguous() -> None:
     assert {"stiffness", "actuation_gain"} <= named
 
 
-# -- data as they come --------------------------------------------------------------------------------
+# -- data with defects --------------------------------------------------------------------------------
 
 
 def test_one_run_only() -> None:
@@ -163,7 +163,7 @@ def test_one_run_only() -> None:
     ratios = [h["rmse_over_floor"] for h in diagnosis_json(found)["hypotheses"]]
     assert (
         max(ratio for ratio in ratios if ratio is not None) < 100
-    )  # what is left out is not unknown altogether
+    )  # with one run left out, the others still predict it
 
 
 LITTLE = ("insufficient_data", "ambiguous", "nothing_missing")
@@ -175,7 +175,7 @@ LITTLE = ("insufficient_data", "ambiguous", "nothing_missing")
     ids=["five samples", "at rest", "at one level"],
 )
 def test_runs_that_tell_little(pressure, verdicts) -> None:
-    runs = [run_of(name, np.arange(float(len(pressure))), pressure) for name in "ab"]
+    runs = [make_history(name, np.arange(float(len(pressure))), pressure) for name in "ab"]
     assert judged(measured(CHAIN, runs, STIFF), kinds=FEW).verdict in verdicts
 
 
@@ -247,7 +247,7 @@ def test_two_actuators_and_a_tendon() -> None:
     assert any("'dead_zone' was left out" in remark for remark in found.remarks)
 
 
-def test_a_chain_of_22_joints() -> None:
+def test_a_chain_with_22_joints() -> None:
     chain = joint(22)
     outputs = ("angle_rad", "tip_x_m", "marker_3_z_m")
     measurement = measured(chain, rich(1), STIFF, outputs=outputs, sigma=SIGMA / 10)
@@ -275,11 +275,11 @@ def test_each_fit_is_told_and_unknown_kinds_are_refused() -> None:
 
 @pytest.mark.slow
 def test_a_hundred_thousand_samples_are_weighed() -> None:
-    """How long that takes is for benchmarks.evidence.speed to say."""
+    """The time that this takes is measured by benchmarks.evidence.speed."""
     clock = 0.1 * np.arange(50_000)
     pressure = P * (0.5 - 0.5 * np.cos(clock / 9.0))
-    measurement = measured(CHAIN, [run_of(name, clock, pressure) for name in "ab"], STIFF)
+    measurement = measured(CHAIN, [make_history(name, clock, pressure) for name in "ab"], STIFF)
     found = judged(measurement, kinds=["stiffness", "sensor_bias"])
-    assert 2_000 < found.table.n_readings < 12_000  # by the samples that matter
+    assert 2_000 < found.table.n_readings < 12_000  # chosen by the samples that carry information
     assert any("The recording is long: of 100000 samples" in remark for remark in found.remarks)
     assert found.selected == ("stiffness",)

@@ -1,4 +1,4 @@
-"""What runs can show: silent effects, look-alikes, detectable strengths, the run to do next."""
+"""The information in runs: silent effects, look-alikes, detectable strengths, the next run."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from tests.diagnosis.quick import (
     REGISTRY,
     SIGMA,
     effect,
-    fitter_of,
     joint,
+    make_fitter,
+    make_predictor,
     measured,
     poor,
-    predictor_of,
     pushes,
     ramp,
     rich,
@@ -32,8 +32,8 @@ SOME = ["stiffness", "actuation_gain", "thermal_softening", "viscoelastic", "mul
 
 
 def shown(histories, chain=CHAIN, kinds=SOME):
-    fitter = fitter_of(predictor_of(chain, measured(chain, histories)))
-    nothing = fitter.fit(EffectSet.of(REGISTRY, ()))
+    fitter = make_fitter(make_predictor(chain, measured(chain, histories)))
+    nothing = fitter.fit(EffectSet.from_kinds(REGISTRY, ()))
     return excitations(REGISTRY, fitter, nothing, kinds)
 
 
@@ -41,24 +41,24 @@ def shown(histories, chain=CHAIN, kinds=SOME):
 def test_without_temperatures_thermal_softening_is_silent_and_its_run_is_named() -> None:
     assert not_excited(shown(poor()), THRESHOLDS) == ("thermal_softening",)
     assert not_excited(shown(rich()), THRESHOLDS) == ()
-    found = diagnose(predictor_of(CHAIN, measured(CHAIN, poor())), kinds=SOME)
+    found = diagnose(make_predictor(CHAIN, measured(CHAIN, poor())), kinds=SOME)
     assert "temperature" in found.not_excited["thermal_softening"]
 
 
-def test_the_change_is_that_of_the_plausible_end() -> None:
+def test_the_change_equals_the_plausible_end() -> None:
     one = shown(rich(), kinds=["sensor_bias"])["sensor_bias"]
     assert one.snr == pytest.approx(0.05 / SIGMA, rel=1e-6)
     assert one.change == pytest.approx(np.full(len(one.change), np.sign(one.x[0]) * 0.05 / SIGMA))
 
 
 def test_samples_without_equilibrium_have_no_part_in_the_change() -> None:
-    fitter = fitter_of(predictor_of(CHAIN, measured(CHAIN, poor())))
-    nothing = fitter.fit(EffectSet.of(REGISTRY, ()))
+    fitter = make_fitter(make_predictor(CHAIN, measured(CHAIN, poor())))
+    nothing = fitter.fit(EffectSet.from_kinds(REGISTRY, ()))
     lost = np.arange(len(nothing.residual)) % 3 == 0
     whole = excitations(REGISTRY, fitter, nothing, ["sensor_bias"])["sensor_bias"]
     part = replace(nothing, residual=np.where(lost, np.nan, nothing.residual))
     one = excitations(REGISTRY, fitter, part, ["sensor_bias"])["sensor_bias"]
-    assert one.snr == pytest.approx(whole.snr)  # a bias is the same everywhere
+    assert one.snr == pytest.approx(whole.snr)  # a bias is equal in all conditions
     np.testing.assert_allclose(one.change, np.where(lost, 0.0, whole.change))
     nearly_none = replace(nothing, residual=np.where(np.arange(len(lost)) > 9, np.nan, nothing.residual))
     assert excitations(REGISTRY, fitter, nearly_none, ["sensor_bias"])["sensor_bias"].snr == 0.0
@@ -76,19 +76,19 @@ def test_look_alikes_are_so_in_both_directions_and_loads_part_them() -> None:
 
 @pytest.fixture(scope="module")
 def limits():
-    """The smallest strengths that clean data would show."""
+    """Return the smallest strengths that clean data would show."""
     clean = measured(CHAIN, rich(), seed=7)
-    return {d.kind: d for d in diagnose(predictor_of(CHAIN, clean), kinds=FEW).detectable}
+    return {d.kind: d for d in diagnose(make_predictor(CHAIN, clean), kinds=FEW).detectable}
 
 
 @pytest.mark.parametrize("kind", ["stiffness", "sensor_bias"])
-def test_a_detectable_strength_is_found_and_a_fifth_of_it_is_not(kind: str, limits) -> None:
+def test_a_detectable_strength_is_identified_and_a_fifth_is_not(kind: str, limits) -> None:
     limit = limits[kind]
     neutral = REGISTRY.get("effect", kind).config_model().fit_parameters()[0].neutral
 
     def verdict(share: float) -> tuple[str, ...]:
         hidden = effect(kind, **{limit.parameter: neutral + share * (limit.value - neutral)})
-        return diagnose(predictor_of(CHAIN, measured(CHAIN, rich(), hidden, seed=7)), kinds=FEW).selected
+        return diagnose(make_predictor(CHAIN, measured(CHAIN, rich(), hidden, seed=7)), kinds=FEW).selected
 
     assert verdict(3.0) == (kind,)
     assert verdict(0.2) == ()

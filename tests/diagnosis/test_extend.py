@@ -1,4 +1,4 @@
-"""Effects put into a study's model."""
+"""Add effects to a study's model."""
 
 import numpy as np
 import pytest
@@ -21,12 +21,15 @@ def folder(tmp_path_factory):
 
 def extended(folder, measurement, kinds, text=STUDY, **more):
     model = study(folder, text)
-    return extend(Ground.of(BENCH, model, measurement), model.effects, kinds, **more)
+    return extend(Ground.from_study(BENCH, model, measurement), model.effects, kinds, **more)
 
 
 def test_the_value_that_was_hidden_lies_in_the_interval(folder):
     found = extended(folder, bench(folder, effect("viscoelastic")), ["viscoelastic"])
-    share, time = found.uncertainty.of("viscoelastic.share"), found.uncertainty.of("viscoelastic.time_s")
+    share, time = (
+        found.uncertainty.estimate("viscoelastic.share"),
+        found.uncertainty.estimate("viscoelastic.time_s"),
+    )
     assert share.value == pytest.approx(0.3, abs=4 * share.sd)
     assert time.value == pytest.approx(12.0, abs=4 * time.sd)
     assert 0 < share.sd < 0.1
@@ -39,7 +42,7 @@ def test_the_value_that_was_hidden_lies_in_the_interval(folder):
 def test_rounded_values_predict_what_the_fit_predicts(folder):
     measurement = bench(folder, effect("mullins"))
     model = study(folder)
-    ground = Ground.of(BENCH, model, measurement)
+    ground = Ground.from_study(BENCH, model, measurement)
     found = extend(ground, model.effects, ["mullins"], profiles=False)
     errors = np.concatenate([run["angle_rad"] for run in ground.residuals(found.effects)])
     assert np.sqrt(np.mean(errors**2)) == pytest.approx(found.after.rmse["angle_rad"], rel=1e-3)
@@ -47,12 +50,12 @@ def test_rounded_values_predict_what_the_fit_predicts(folder):
         assert len(f"{found.values[estimate.name]:g}".replace(".", "").lstrip("0")) <= 4
 
 
-def test_an_effect_of_the_study_is_refitted_where_it_stands(folder):
+def test_an_effect_in_the_study_is_refitted_in_place(folder):
     measurement = bench(folder, effect("stiffness", factor=1.15))
     found = extended(folder, measurement, ["stiffness"], WITH_STIFFNESS, profiles=False)
     assert [e.kind for e in found.effects] == ["stiffness", "gravity_scale"]
     assert found.effects[0].factor == pytest.approx(1.15, abs=0.02)
-    assert found.effects[1].factor == 1.0  # not asked for: as it was
+    assert found.effects[1].factor == 1.0  # not requested: unchanged
     assert found.before.over_floor > 1.5 > found.after.over_floor
 
 
@@ -73,7 +76,7 @@ def test_an_effect_that_is_not_there_or_not_excited_is_absent(folder):
     assert extended(folder, clean, ["mullins"]).absent == ("mullins",)
     found = extended(folder, clean, ["thermal_softening"])
     assert found.absent == ("thermal_softening",)
-    estimate = found.uncertainty.of("thermal_softening.loss_per_k")
+    estimate = found.uncertainty.estimate("thermal_softening.loss_per_k")
     assert estimate.open_low and estimate.open_high and np.isinf(estimate.sd)
     twice = "effects: [{kind: viscoelastic, share: 0.1, time: 3 s}, {kind: viscoelastic, share: 0.1, time: 60 s}]\n"
     with pytest.raises(UserError, match="2 times"):
@@ -93,18 +96,19 @@ def test_beside_another_effect_a_fit_is_never_worse_than_alone(folder, monkeypat
     measurement = bench(folder, effect("viscoelastic"))
     alone = extended(folder, measurement, ["viscoelastic"], profiles=False)
     kinds = ["viscoelastic", "base_misalignment"]
-    # without a step the joint fit stays where it began: there it has the smaller one's error, and lower ones to go to
+    # without a step the joint fit stays at its start: there it has the smaller one's error, and can decrease further
     monkeypatch.setattr(fitting, "MOST_ITERATIONS", 0)
     monkeypatch.setattr(fitting, "TRIAL_ITERATIONS", 0)
+    monkeypatch.setattr(fitting, "NEAR_ITERATIONS", 0)
     both = extended(folder, measurement, kinds, profiles=False, smaller=[alone])
     weights = np.ones(len(both.fit.residual))
     assert both.fit.cost(weights) <= alone.fit.cost(weights) * (
         1 + 1e-3
-    )  # but for the law's own sensitivities
+    )  # except for the law's own sensitivities
     assert both.fit.named.items() >= alone.fit.named.items()
 
 
-def test_an_effect_that_runs_do_not_show_leaves_the_error_of_the_others_left_out_as_it_is(folder):
+def test_an_effect_that_runs_do_not_show_leaves_the_left_out_error_with_the_others_unchanged(folder):
     measurement = bench(folder, effect("stiffness", factor=1.3))
     alone = extended(folder, measurement, ["stiffness"], profiles=False)
     both = extended(folder, measurement, ["stiffness", "supply_lag"], profiles=False)

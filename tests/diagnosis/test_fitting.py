@@ -1,4 +1,4 @@
-"""Fits with the physics in the loop: known parameters come back, cost never rises, bounds hold."""
+"""Fits of the physical model: known parameters are recovered, the cost never rises, bounds are respected."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tests.diagnosis.quick import (
     VALUES,
     P,
     effect,
-    fitter_of,
     joint,
+    make_fitter,
+    make_predictor,
     measured,
     poor,
-    predictor_of,
     rich,
 )
 
@@ -25,7 +25,7 @@ from pliant.diagnosis import fitting
 from pliant.diagnosis.candidates import PRIOR_WEIGHT, EffectSet
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.fitting import Fitter
-from pliant.diagnosis.left_out import _bounded, condition_of_runs, heldout_residual
+from pliant.diagnosis.left_out import _bounded, condition_indices, heldout_residual
 from pliant.evidence.prediction import Predictor
 
 CHAIN = joint()
@@ -33,14 +33,16 @@ CHAIN = joint()
 
 def fitted(kind: str, *, sigma: float = SIGMA) -> EffectFit:
     measurement = measured(CHAIN, rich(), effect(kind), sigma=sigma, phi=0.0, seed=3)
-    return fitter_of(predictor_of(CHAIN, measurement), max(sigma, 1e-6)).fit(EffectSet.of(REGISTRY, (kind,)))
+    return make_fitter(make_predictor(CHAIN, measurement), max(sigma, 1e-6)).fit(
+        EffectSet.from_kinds(REGISTRY, (kind,))
+    )
 
 
 @pytest.mark.parametrize("kind", VALUES)
 def test_parameters_come_back_within_their_error_bars(kind: str) -> None:
     fit = fitted(kind)
     spread = np.sqrt(np.diag(np.linalg.inv(fit.slopes.T @ fit.slopes)) * fit.mean_square())
-    hidden = effect(kind).model_dump()  # what VALUES does not state is at its default
+    hidden = effect(kind).model_dump()  # parameters that VALUES does not state have their defaults
     truth = np.array([k.x(hidden[k.declared.name]) for k in fit.candidate.parameters])
     assert np.all(np.abs(fit.x - truth) < 4.0 * spread), (fit.values, hidden)
     assert np.all(spread[[k.declared.name in VALUES[kind] for k in fit.candidate.parameters]] < 0.5)
@@ -58,9 +60,9 @@ def test_without_noise_they_come_back_exactly(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["mullins", "friction_hysteresis", "dead_zone", "self_contact"])
 def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The truth is another effect: the fit is pushed toward the ends of its range.
+    # The truth is another effect: the fit is driven toward the ends of its range.
     measurement = measured(CHAIN, rich(1), effect("stiffness", factor=0.5), seed=2)
-    fitter = fitter_of(predictor_of(CHAIN, measurement))
+    fitter = make_fitter(make_predictor(CHAIN, measurement))
     asked: list[np.ndarray] = []
     costs: list[tuple[float, float]] = []
     point, descend = fitting._ReadingMisfit.raw_point, Fitter._descend
@@ -76,35 +78,35 @@ def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(fitting._ReadingMisfit, "raw_point", watching)
     monkeypatch.setattr(Fitter, "_descend", descending)
-    candidate = EffectSet.of(REGISTRY, (kind,))
+    candidate = EffectSet.from_kinds(REGISTRY, (kind,))
     fit = fitter.fit(candidate)
     assert costs and all(end <= start for start, end in costs)
     low, high = candidate.limits()
     assert asked and all(np.all((low - 1e-12 <= x) & (x <= high + 1e-12)) for x in asked)
-    assert fit.mean_square() <= fitter.look(candidate, candidate.starts()[0]).mean_square()
+    assert fit.mean_square() <= fitter.evaluate(candidate, candidate.starts()[0]).mean_square()
 
 
 def test_a_bound_that_is_reached_is_told() -> None:
     measurement = measured(CHAIN, poor(), effect("sensor_bias", bias_rad=-0.2))
-    fit = fitter_of(predictor_of(CHAIN, measurement)).fit(EffectSet.of(REGISTRY, ("dead_zone",)))
+    fit = make_fitter(make_predictor(CHAIN, measurement)).fit(EffectSet.from_kinds(REGISTRY, ("dead_zone",)))
     (parameter,) = fit.candidate.parameters
     assert parameter.value(float(fit.x[0])) > P or fit.at_limit == (False,)
-    shrunk = fitter_of(predictor_of(CHAIN, measured(CHAIN, rich(1), effect("actuation_gain", gain=1.2)))).fit(
-        EffectSet.of(REGISTRY, ("viscous_damping",))
-    )
+    shrunk = make_fitter(
+        make_predictor(CHAIN, measured(CHAIN, rich(1), effect("actuation_gain", gain=1.2)))
+    ).fit(EffectSet.from_kinds(REGISTRY, ("viscous_damping",)))
     assert shrunk.at_limit == (True,)
     assert shrunk.values["viscous_damping.time_s"] == 0.0
 
 
-def test_weights_leave_readings_out_of_the_cost() -> None:
+def test_weights_exclude_readings_from_the_cost() -> None:
     measurement = measured(CHAIN, rich(), effect("stiffness"), seed=4)
     spoiled = tuple(
         run.with_outputs({"angle_rad": run.outputs["angle_rad"] + (0.3 if k == 5 else 0.0)})
         for k, run in enumerate(measurement.runs)
     )
-    made = fitter_of(predictor_of(CHAIN, type(measurement)(spoiled, measurement.outputs)))
+    made = make_fitter(make_predictor(CHAIN, type(measurement)(spoiled, measurement.outputs)))
     weights = (made.readings.run != 5).astype(float)
-    candidate = EffectSet.of(REGISTRY, ("stiffness",))
+    candidate = EffectSet.from_kinds(REGISTRY, ("stiffness",))
     blind = Fitter(made.predictor, made.readings, weights).fit(candidate)
     seeing = made.fit(candidate)
     assert blind.values["stiffness.factor"] == pytest.approx(1.15, abs=0.01)
@@ -113,8 +115,8 @@ def test_weights_leave_readings_out_of_the_cost() -> None:
 
 
 def test_nothing_is_the_model_as_it_is() -> None:
-    predictor = predictor_of(CHAIN, measured(CHAIN, poor()))
-    fit = fitter_of(predictor).fit(EffectSet.of(REGISTRY, ()))
+    predictor = make_predictor(CHAIN, measured(CHAIN, poor()))
+    fit = make_fitter(predictor).fit(EffectSet.from_kinds(REGISTRY, ()))
     assert fit.slopes.shape == (len(fit.residual), 0)
     pairs = zip(predictor.measurement.runs, predictor.predict(), strict=True)
     noise = np.concatenate([run.outputs["angle_rad"] - model["angle_rad"] for run, model in pairs]) / SIGMA
@@ -122,7 +124,7 @@ def test_nothing_is_the_model_as_it_is() -> None:
 
 
 class Brittle(Predictor):
-    """A model without equilibrium where its stiffness is raised by more than a hundredth."""
+    """A model without equilibrium when its stiffness is raised by more than a hundredth."""
 
     limit = 1.01
 
@@ -139,10 +141,10 @@ class Brittle(Predictor):
 @pytest.mark.parametrize("limit", [1.01, 0.0])
 def test_starts_without_equilibrium(limit: float) -> None:
     measurement = measured(CHAIN, poor(), effect("stiffness", factor=0.9))
-    plain = predictor_of(CHAIN, measurement)
+    plain = make_predictor(CHAIN, measurement)
     brittle = Brittle(plain.bench, plain.backend, CHAIN, measurement)
     brittle.limit = limit
-    fit = fitter_of(brittle).fit(EffectSet.of(REGISTRY, ("stiffness",)))
+    fit = make_fitter(brittle).fit(EffectSet.from_kinds(REGISTRY, ("stiffness",)))
     if limit > 0:
         assert fit.values["stiffness.factor"] == pytest.approx(0.9, abs=0.02)
     else:
@@ -151,11 +153,11 @@ def test_starts_without_equilibrium(limit: float) -> None:
 
 # -- errors left out of a fit against refits ----------------------------------------------------------
 
-CANDIDATE = EffectSet.of(REGISTRY, ("mullins", "stiffness"))  # three parameters
+CANDIDATE = EffectSet.from_kinds(REGISTRY, ("mullins", "stiffness"))  # three parameters
 
 
 def linear(seed: int, n: int = 240, x: np.ndarray | None = None):
-    """A fit of y = J x at its optimum (or at x), the readings and their groups."""
+    """Return a fit of y = J x at its optimum (or at x), the readings and their groups."""
     rng = np.random.default_rng(seed)
     slopes, y = rng.normal(size=(n, 3)), rng.normal(size=n)
     y += slopes @ np.array([0.8, 0.1, -0.1])
@@ -199,7 +201,7 @@ def test_what_only_one_group_shows_is_nothing_without_it() -> None:
 
 @pytest.mark.parametrize("felt", [0.0, 1e-3])
 def test_what_no_reading_feels_takes_no_prediction_away(felt: float) -> None:
-    """A shape that is idle (a second time constant that ended at zero): as without it, not as without the effects."""
+    """With an idle shape (a time constant of zero) the result is that without it, not that without the effects."""
     fit, slopes, y, groups = linear(1)
     plain = y.copy()
     slopes[:, 2] *= felt
@@ -216,18 +218,20 @@ def test_what_no_reading_feels_takes_no_prediction_away(felt: float) -> None:
 def test_one_group_alone_predicts_as_the_model_without_the_effect_and_nothing_has_nothing_to_leave() -> None:
     fit, _, y, groups = linear(2)
     np.testing.assert_allclose(heldout_residual(fit, np.zeros_like(groups)), y, atol=1e-10)
-    nothing = EffectFit(EffectSet.of(REGISTRY, ()), np.zeros(0), np.arange(4.0), np.zeros((4, 0)), True, ())
+    nothing = EffectFit(
+        EffectSet.from_kinds(REGISTRY, ()), np.zeros(0), np.arange(4.0), np.zeros((4, 0)), True, ()
+    )
     np.testing.assert_array_equal(heldout_residual(nothing, np.array([0, 0, 1, 1])), np.arange(4.0))
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.98])
 def test_moves_stay_within_bounds_and_the_others_follow(alike: float) -> None:
-    """A strength at its bound and a shape that does nearly the same: without a group they are refitted together."""
+    """A strength at its bound and a shape with nearly the same slope are refitted together when a group is left out."""
     _, slopes, y, groups = linear(3)
     slopes[:, 1] = alike * slopes[:, 0] + np.sqrt(1.0 - alike**2) * slopes[:, 1]
     low, high = CANDIDATE.limits()
     best = np.array([low[0], 0.3, 0.0])
-    y = y + slopes @ (best - np.array([1.0, 0.0, 0.0]))  # the loss is least beyond the bound
+    y = y + slopes @ (best - np.array([1.0, 0.0, 0.0]))  # the minimum of the loss is outside the bound
     fit = EffectFit(CANDIDATE, best, y - slopes @ best, slopes, True, (True, False, False))
     left = heldout_residual(fit, groups)
     for group in range(6):
@@ -246,7 +250,7 @@ def test_moves_stay_within_bounds_and_the_others_follow(alike: float) -> None:
 
 
 def test_groups() -> None:
-    np.testing.assert_array_equal(condition_of_runs(5, [(0, 3), (1, 4)]), [0, 1, 2, 0, 1])
+    np.testing.assert_array_equal(condition_indices(5, [(0, 3), (1, 4)]), [0, 1, 2, 0, 1])
 
 
 def test_a_fit_without_an_equilibrium_has_no_left_out_error() -> None:
@@ -256,7 +260,7 @@ def test_a_fit_without_an_equilibrium_has_no_left_out_error() -> None:
 
 
 def test_within_bounds_a_direction_that_rounding_took_below_zero_is_none():
-    """Readings of a tiny range: what is known of a direction may come out as −10⁻¹⁷ of what is known of another."""
+    """For readings of a tiny range the information on a direction may be rounded to −10⁻¹⁷ of that on another."""
     known = np.array([[[2.0, 0.0], [0.0, -1e-17]], [[2.0, 0.5], [0.5, 1.0]]])
     moves = _bounded(
         known, np.array([[1.0, 1e-16], [1.0, 3.0]]), np.array([-1.0, -1.0]), np.array([1.0, 1.0])
@@ -265,4 +269,4 @@ def test_within_bounds_a_direction_that_rounding_took_below_zero_is_none():
     assert abs(moves[0][1]) <= 1.0
     np.testing.assert_allclose(
         moves[1], [0.25, 1.0], rtol=1e-12
-    )  # the second at its bound, the first follows
+    )  # the second parameter is at its bound, the first follows

@@ -5,17 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
-from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, effect, measurement_of, ramp
+from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, effect, make_measurement, ramp
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, folded, labels_before_the_picture
 
 from pliant.diagnosis.improvement import _Walk, improve
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import Score
-from pliant.diagnosis.test_split import lock
+from pliant.diagnosis.test_split import split_runs
 from pliant.evidence.prediction import Predictor
-from pliant.report.figures import learning, style
+from pliant.report.chart import ChartNote
 from pliant.report.improvement import improvement_document, summary
+from pliant.report.improvement_charts import steps_chart
 from pliant.report.render import page
 
 FEW = ["stiffness", "viscoelastic", "sensor_bias", "mullins", "friction_hysteresis"]
@@ -40,7 +41,7 @@ def shifted(measurement, which, by_rad):
 
 @pytest.fixture(scope="module")
 def creeping(tmp_path_factory):
-    """A bench that creeps, and what was made of it."""
+    """Return a bench that creeps, and the result of `improve` on it."""
     folder = tmp_path_factory.mktemp("creeping")
     measurement = bench(folder, effect("viscoelastic"))
     return study(folder), measurement, improve(BENCH, study(folder), measurement, kinds=FEW)
@@ -55,13 +56,18 @@ def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(creeping):
     assert found.floors["angle_rad"].source == "repeats"
     assert 0 < found.steps[-1].locked_se < 0.3
     left = found.steps[-1].locked
-    assert found.reason.startswith(f"What is left is noise, {left.over_floor:.2f} ± ")
-    assert "off by" in found.steps[0].why  # where the model fails: the reason for the next step
-    assert "creeping" in found.steps[-1].why and "Within the noise" in found.steps[-1].why
-    share = found.final.uncertainty.of("viscoelastic.share")
+    assert found.reason.startswith(f"The error that is left is {left.over_floor:.2f} ± ")
+    assert "The error is spread over all conditions" in found.steps[0].why  # the reason for the next step
+    assert "creeping" in found.steps[-1].why and "No condition stands out" in found.steps[-1].why
+    # an error has one size, that in the record
+    assert not any("times" in step.why.partition("times the noise")[2] for step in found.steps)
+    before, after = (step.training.over_floor for step in found.steps)
+    assert f"left out of the fit from {before:.2f} to {after:.2f} times the noise" in found.steps[-1].why
+    assert "times" not in found.steps[0].why
+    share = found.final.uncertainty.estimate("viscoelastic.share")
     assert share.value == pytest.approx(0.3, abs=4 * share.sd)
     assert "falls" in summary(found)
-    assert found.final.effects == found.steps[-1].effects  # what was scored is what is reported
+    assert found.final.effects == found.steps[-1].effects  # the reported error is the scored one
 
 
 @pytest.mark.slow
@@ -74,18 +80,13 @@ def test_an_improvement_answers_them_and_its_reasons_are_text(creeping):
     assert all(step.why in text for step in found.steps) and found.reason in text
 
 
-def test_the_picture_of_an_improvement_holds_labels_only(creeping, monkeypatch):
-    drawn_on = []
-
-    def kept(figure):
-        figure.canvas.draw()
-        drawn_on.append(figure)
-        return np.zeros(1, np.uint8)
-
-    monkeypatch.setattr(style, "png", kept)
-    learning.error_steps(creeping[2])
-    (figure,) = drawn_on
-    texts = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
+def test_the_picture_for_an_improvement_has_labels_only(creeping):
+    chart = steps_chart(creeping[2])
+    texts = [
+        text for panel in chart.panels for text in (panel.title, panel.x.text, panel.y.text, *panel.x.names)
+    ]
+    texts += [note.text for panel in chart.panels for note in panel.select(ChartNote)]
+    texts += [mark.name for panel in chart.panels for mark in panel.marks]
     assert max(len(text.split()) for text in texts) <= 8
     assert not any(step.why in text for step in creeping[2].steps for text in texts)
 
@@ -111,11 +112,11 @@ def test_a_clean_bench_takes_no_step(tmp_path):
 @pytest.mark.pixels
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("hidden", [(), (effect("stiffness", factor=1.2),)])
-def test_readings_of_a_simulator_without_any_noise(tmp_path, hidden):
-    """What is hidden is added, errors are told in their own unit, and the page is drawn."""
+def test_readings_from_a_simulator_without_any_noise(tmp_path, hidden):
+    """The hidden effect is added, errors are given in their own unit, and the page is drawn."""
     model, runs = study(tmp_path), histories()
-    read = Predictor.of_study(BENCH, model, blank(runs)).predict(hidden)
-    measurement = measurement_of(runs, read)
+    read = Predictor.from_study(BENCH, model, blank(runs)).predict(hidden)
+    measurement = make_measurement(runs, read)
     found = improve(BENCH, model, measurement, kinds=["stiffness", "sensor_bias", "viscoelastic"])
     assert added(found) == [one.kind for one in hidden]
     said = summary(found)
@@ -140,7 +141,7 @@ def test_no_more_effects_than_asked_for(tmp_path):
 
 @pytest.mark.slow
 def test_locked_readings_decide_nothing(creeping):
-    """Nonsense in the runs that are put aside changes what is reported, never what is chosen."""
+    """Corrupted readings in the held-out runs change the report and never the choice."""
     model, measurement, first = creeping
     second = improve(BENCH, model, shifted(measurement, first.locked.runs, 0.5), kinds=FEW)
     assert second.final.effects == first.final.effects
@@ -157,9 +158,9 @@ def test_too_few_runs_to_lock_are_said(tmp_path):
 
 @pytest.mark.slow
 def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
-    """A look-alike that training runs accept: the unseen condition tells, and the report says so plainly."""
+    """A look-alike fits the training runs: the unseen condition reveals the error, and the report states it."""
     measurement = bench(tmp_path, effect("stiffness", factor=1.3))
-    drifted = shifted(measurement, lock(measurement).unseen, 0.03)
+    drifted = shifted(measurement, split_runs(measurement).unseen, 0.03)
     found = improve(BENCH, study(tmp_path), drifted, kinds=FEW)
     assert found.stop == "nothing_missing"
     assert any("still" in remark and "in no other run" in remark for remark in found.remarks)
@@ -168,7 +169,7 @@ def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
 
 @pytest.fixture(scope="module")
 def walked(creeping):
-    """A walk that stands where its first diagnosis is made."""
+    """Return a walk whose first diagnosis has been made."""
     model, measurement, _ = creeping
     walk = _Walk(BENCH, model, measurement, FEW[:2], None, 1, None)
     walk._diagnose()
@@ -196,7 +197,12 @@ def walked(creeping):
             1.9,
             "Something is missing, and it is not in the list: the error is 1.90 ± ",
         ),
-        ("nothing_missing", 1.04, 1.0, "What is left is noise, 1.04 ± 0.06 times its floor"),
+        (
+            "nothing_missing",
+            1.04,
+            1.0,
+            "The error that is left is 1.04 ± 0.06 times the noise, which noise alone may leave",
+        ),
         (
             "nothing_missing",
             1.5,
@@ -220,7 +226,7 @@ def walked(creeping):
     ],
 )
 def test_the_closing_sentence_is_about_what_is_left(creeping, walked, stop, locked, training, begins):
-    """The same verdict reads otherwise where the error on the runs put aside is down at the noise."""
+    """One verdict has different sentences, depending on the error on the held-out runs relative to the noise."""
     found = creeping[2]
     noise = NoiseView({}, 200.0, 1.0, True, 1.0)
     last = replace(
@@ -234,36 +240,36 @@ LAGS = ("sensor_lag", "supply_lag", "viscous_damping")
 
 
 def one_slow_noisy_run(folder, *hidden):
-    """A run without any load: delays of the supply, the body and the camera look alike."""
+    """Return a run without load: delays of the supply, the body and the camera are indistinguishable."""
     levels = (0.4 * PRESSURE, 0.0, 0.7 * PRESSURE, 0.0, PRESSURE, 0.0, PRESSURE, 0.0)
     clean = bench(folder, *hidden, runs=[ramp("only", 6e3, 0.25, levels)]).runs[0]
     noise = colour(np.random.default_rng(1), len(clean), 0.03, 0.9)
-    return measurement_of([clean.history], [{"angle_rad": clean.outputs["angle_rad"] + noise}])
+    return make_measurement([clean.history], [{"angle_rad": clean.outputs["angle_rad"] + noise}])
 
 
 @pytest.mark.slow
-def test_one_of_several_look_alikes_stands_for_all(tmp_path):
+def test_one_among_several_look_alikes_stands_for_all(tmp_path):
     measurement = one_slow_noisy_run(tmp_path, effect("supply_lag"))
     found = improve(BENCH, study(tmp_path), measurement, kinds=[*LAGS, "stiffness", "sensor_bias"])
     step = found.steps[1]
     assert len(found.steps) == 2 and step.added[0] in LAGS
     assert {"supply_lag", *step.added} <= set(step.stands_for) <= set(LAGS)
     assert "stands for one of" in step.why and "the run that would is" in step.why
-    assert step.training.over_floor < 0.6 * found.steps[0].training.over_floor  # blocks of the run left out
+    assert step.training.over_floor < 0.6 * found.steps[0].training.over_floor  # blocks left out
     assert " (or " in step.named and step.named in summary(found)
     assert found.scored_on == "blocks left out"
-    assert found.final.effects == step.effects  # stays what was scored, and what it stands for
+    assert found.final.effects == step.effects  # the scored effects are kept
 
 
 @pytest.mark.slow
 def test_noise_alone_has_no_stand_in(tmp_path):
-    """`nothing` is too probable for the look-alikes to share anything."""
+    """`nothing` is too probable for the look-alikes to share the probability."""
     found = improve(BENCH, study(tmp_path), one_slow_noisy_run(tmp_path), kinds=[*LAGS, "sensor_bias"])
     assert added(found) == []
 
 
 def test_prediction_takes_a_step_that_no_verdict_names(tmp_path):
-    """One run whose error is far from independent: too little to name a cause by, enough to predict better."""
+    """The errors of the only run are far from independent: too few to identify a cause, enough to predict better."""
     measurement = one_slow_noisy_run(tmp_path, effect("actuation_gain", gain=1.3))
     few = replace(measurement, runs=tuple(_thinned(run, 12) for run in measurement.runs))
     found = improve(BENCH, study(tmp_path), few, kinds=["actuation_gain", "pressure_offset", "backlash"])

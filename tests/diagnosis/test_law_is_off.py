@@ -1,4 +1,4 @@
-"""The law's own error in every hypothesis: its algebra, made-up laws that are off, and the trials of outside use."""
+"""The law's error in every hypothesis: its algebra, laws with artificial errors, and trials by outside users."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.evidence_table import LAW, NOTHING
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve
-from pliant.diagnosis.law_posterior import USUAL, LawErrorPrior, Whitener, estimate, precision_of
+from pliant.diagnosis.law_posterior import USUAL, LawErrorPrior, Whitener, coefficient_precision, estimate
 from pliant.evidence.prediction import Predictor
 from pliant.records.term import LawTerm
 
@@ -31,9 +31,9 @@ def test_priors_are_normalised_and_a_statement_bounds_them() -> None:
     assert LawErrorPrior.stated(0.005).most == pytest.approx(0.01)
 
 
-def test_whitening_is_the_inverse_of_the_covariance() -> None:
+def test_whitening_is_the_inverse_covariance() -> None:
     columns, precision = RNG.normal(size=(40, 3)), 0.7
-    white = Whitener.of(columns, precision)
+    white = Whitener.from_sensitivities(columns, precision)
     values = RNG.normal(size=(40, 2))
     covariance = np.eye(40) + columns @ columns.T / precision
     w = white.apply(values)
@@ -51,13 +51,13 @@ def test_the_estimate_is_the_ridge_solution_and_its_size_follows_the_error() -> 
         normal = columns.T @ columns + found.precision * np.eye(4)
         assert found.coefficient == pytest.approx(np.linalg.solve(normal, columns.T @ raw))
         left = float(np.mean((raw - found.change) ** 2))
-        assert found.precision == pytest.approx(precision_of(found.size, 400, 400.0, left), rel=0.1)
+        assert found.precision == pytest.approx(coefficient_precision(found.size, 400, 400.0, left), rel=0.1)
         sizes.append(found.size)
     assert sizes[0] < sizes[1] < sizes[2]
 
 
 def off(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
-    """A ridge across actuation and angle, N·m."""
+    """Return a ridge across actuation and angle, N·m."""
     return c[0] / (1.0 + ((p / 15e3 - 0.45 + 0.4 * angle) / 0.25) ** 2)
 
 
@@ -87,7 +87,7 @@ def test_what_has_a_memory_is_named_beside_a_law_that_is_off(kind: str) -> None:
     found = judged(hidden)
     assert found.selected == (kind,)
     name = {"backlash": "play_rad", "mullins": "softening"}[kind]
-    estimate_of = found.estimates[(kind,)].of(f"{kind}.{name}")
+    estimate_of = found.estimates[(kind,)].estimate(f"{kind}.{name}")
     width = estimate_of.high - estimate_of.low
     assert estimate_of.low - width < getattr(hidden, name) < estimate_of.high + width
 
@@ -101,7 +101,7 @@ def test_a_statement_makes_static_effects_sharp_and_an_open_law_keeps_its_class(
 
 
 def test_what_leaves_more_than_the_noise_is_never_over_99_percent() -> None:
-    """Two laws of one joint by turns: no listed effect, and no smooth law, says so."""
+    """With two laws of one joint in turn, no listed effect and no smooth law has more than 99 %."""
 
     def beat(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
         new[0] = old[0] + 1.0
@@ -158,12 +158,12 @@ def trial(name: str) -> Diagnosis:
         ("S_null_clean", "law_off", ()),
     ],
 )
-def test_trials_of_a_law_that_is_off(name: str, verdict: str, selected: tuple[str, ...]) -> None:
+def test_trials_on_a_law_that_is_off(name: str, verdict: str, selected: tuple[str, ...]) -> None:
     found = trial(f"law_is_off/{name}.yaml")
     assert (found.verdict, found.selected) == (verdict, selected)
     if selected:
-        play = found.estimates[selected].of("backlash.play_rad")
-        # 0.90°, of which the exact law's own fit says 0.93°
+        play = found.estimates[selected].estimate("backlash.play_rad")
+        # 0.90°, where the exact law's own fit gives 0.93°
         assert play.value == pytest.approx(np.radians(0.915), abs=np.radians(0.035))
     else:
         assert found.law_off is not None and abs(found.law_off.change) < np.radians(0.6)

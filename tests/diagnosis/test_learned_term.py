@@ -1,4 +1,4 @@
-"""A learned term finds what was hidden, says nothing of clean data or beyond its own, comes and goes with a study."""
+"""A learned term finds a hidden effect, is zero for clean data and outside its range, and is stored with a study."""
 
 import json
 
@@ -11,8 +11,8 @@ from tests.diagnosis.quick import (
     P,
     effect,
     joint,
+    make_predictor,
     measured,
-    predictor_of,
     ramp,
     rich,
 )
@@ -24,23 +24,21 @@ from pliant.diagnosis.diagnosis import diagnose, why
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve
 from pliant.diagnosis.learned_term import learn
-from pliant.diagnosis.left_out import condition_of_runs
+from pliant.diagnosis.left_out import condition_indices
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.readings import readings_over_floor
 from pliant.errors import UserError
-from pliant.evidence.places import residuals_of
+from pliant.evidence.places import run_residuals
 from pliant.measurements.repeats import repeat_groups
 from pliant.mechanics.learned_curve import basis
 from pliant.report.improvement import improvement_json, summary
-from pliant.report.learned import learned_picture as drawn
-from pliant.report.learned import learned_section
-from pliant.report.learned_curve import learned_json
+from pliant.report.learned import learned_json, learned_section
 
 KNOTS = np.linspace(0.0, PRESSURE, 25)
 
 
 def bump(p):
-    """A smooth excess of pressure that no listed effect has, Pa."""
+    """Return a smooth excess of pressure that no listed effect describes, Pa."""
     return 2500.0 * np.exp(-(((p - 0.6 * PRESSURE) / (0.15 * PRESSURE)) ** 2))
 
 
@@ -53,22 +51,22 @@ BUMP = effect(
 
 
 def learned(chain, measurement):
-    model = predictor_of(chain, measurement)
-    plain = residuals_of(measurement, model.predict())
+    model = make_predictor(chain, measurement)
+    plain = run_residuals(measurement, model.predict())
     groups = repeat_groups(measurement)
     readings, _ = readings_over_floor(measurement, plain, groups)
     noise = noise_view(measurement, plain, readings.scales, groups)
-    condition = condition_of_runs(readings.n_runs, [group.runs for group in groups])[readings.run]
+    condition = condition_indices(readings.n_runs, [group.runs for group in groups])[readings.run]
     return learn(model, readings, noise, condition)
 
 
 @pytest.fixture(scope="module")
-def of_pressure():
+def pressure_term():
     return learned(joint(), measured(joint(), rich(), BUMP))
 
 
-def test_a_hidden_function_of_pressure_is_recovered_within_its_band(of_pressure):
-    found = of_pressure
+def test_a_hidden_pressure_function_is_recovered_within_its_band(pressure_term):
+    found = pressure_term
     assert found.form.acts_on == "input" and [axis.name for axis in found.form.axes] == ["actuation"]
     assert found.before > 1.5 and found.after < 1.15 and found.sure > 5.0
     p = np.linspace(0.05 * P, 0.95 * P, 60)
@@ -100,22 +98,25 @@ def test_it_says_nothing_where_it_has_no_data():
     found = learned(joint(), measured(joint(), low, early))
     assert [axis.name for axis in found.form.axes] == ["actuation"]
     high = ramp("high", 2e3, 0.5, (P, 0.65 * P, P))
-    model = predictor_of(joint(), measured(joint(), [high]))
+    model = make_predictor(joint(), measured(joint(), [high]))
     (plain,), (with_it,) = model.predict(), model.predict((found.effect,))
     beyond = high.actuation["pressure_pa"] > 0.6 * P
     np.testing.assert_allclose(with_it["angle_rad"][beyond], plain["angle_rad"][beyond], atol=1e-7)
 
 
 @pytest.mark.pixels
-def test_it_is_drawn_with_its_band_and_told_as_plain_data(of_pressure):
-    section = learned_section(of_pressure)
+def test_it_is_drawn_with_its_band_and_told_as_plain_data(pressure_term):
+    section = learned_section(pressure_term)
     assert section.pictures[0].png.tobytes().startswith(b"\x89PNG") and "no cause" in section.text[0]
-    assert json.loads(json.dumps(learned_json(of_pressure)))["depends_on"] == ["actuation"]
+    assert json.loads(json.dumps(learned_json(pressure_term)))["depends_on"] == ["actuation"]
     assert learned_section(None) is None and learned_json(None) is None
-    assert len(drawn(of_pressure)) > 1000
+    (panel,) = section.pictures[0].chart.panels
+    curve = next(line for line in panel.lines if line.name == "learned term")
+    band = next(band for band in panel.bands if band.name == "90 % band")
+    assert np.all(band.low <= curve.y) and np.all(curve.y <= band.high) and np.any(curve.y < band.high)
 
 
-def test_it_is_no_candidate_of_a_search():
+def test_it_is_no_search_candidate():
     kinds = candidate_kinds(REGISTRY)
     assert "learned" not in kinds and "stiffness" in kinds
     with pytest.raises(UserError, match="improve --learned"):
@@ -143,7 +144,7 @@ def test_improve_takes_it_as_its_last_step_and_scores_it_on_runs_put_aside(impro
     assert last.locked.over_floor < 1.3
     assert "a description and no cause" in last.why and last.cause == "learned"
     assert "a learned term over pressure" in found.reason and "--learned" not in found.reason
-    assert "stand" not in summary(found)  # for nothing: it describes
+    assert "stand" not in summary(found)  # it represents no kind: it only describes
     told = improvement_json(found, measurement)
     assert told["learned"]["rmse_over_floor"]["with"] < told["learned"]["rmse_over_floor"]["without"]
 
@@ -172,13 +173,13 @@ def test_a_study_holds_it_as_data_and_is_the_old_one_without_it(improved):
 def test_diagnose_offers_it_where_no_listed_effect_explains_the_error(tmp_path):
     measurement = bench(tmp_path, BUMP)
     found = diagnose(
-        predictor_of_study(tmp_path, measurement), kinds=["sensor_bias", "viscoelastic", "thermal_softening"]
+        study_predictor(tmp_path, measurement), kinds=["sensor_bias", "viscoelastic", "thermal_softening"]
     )
     assert found.verdict == "unknown_effect" and found.learned is not None
     assert any("pliant improve --learned" in line for line in why(found, REGISTRY))
 
 
-def predictor_of_study(folder, measurement):
+def study_predictor(folder, measurement):
     from pliant.evidence.prediction import Predictor
 
-    return Predictor.of_study(BENCH, study(folder), measurement)
+    return Predictor.from_study(BENCH, study(folder), measurement)

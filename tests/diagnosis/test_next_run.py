@@ -1,4 +1,4 @@
-"""The run to do next: what it is worth, what it separates, and when none helps."""
+"""The next run: its expected information, the effects that it separates, and cases in which no run helps."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tests.diagnosis.quick import (
     SIGMA,
     blank,
     effect,
-    fitter_of,
     joint,
+    make_fitter,
+    make_predictor,
     measured,
     poor,
-    predictor_of,
     pushes,
     ramp,
 )
@@ -25,12 +25,12 @@ from pliant.diagnosis.evidence_table import UNKNOWN
 from pliant.diagnosis.next_run import (
     Belief,
     NextRun,
+    catalogue_view,
     done_before,
     next_run,
     next_runs,
     repeating,
     run_that_excites,
-    view_of,
     what_next,
 )
 from pliant.experiments.planned_run import named_run
@@ -42,19 +42,19 @@ SCALES = {"angle_rad": SIGMA}
 N = 60.0
 
 
-def belief_of(histories, hidden: str, *kinds: str, probability=None, chain=FLAT):
-    """The model under these runs, and hypotheses fitted to data with the hidden effect."""
-    predictor = predictor_of(chain, measured(chain, histories, effect(hidden), seed=2))
-    fitter = fitter_of(predictor)
+def make_belief(histories, hidden: str, *kinds: str, probability=None, chain=FLAT):
+    """Return the model under these runs, and hypotheses fitted to data with the hidden effect."""
+    predictor = make_predictor(chain, measured(chain, histories, effect(hidden), seed=2))
+    fitter = make_fitter(predictor)
     sets = [(kind,) if kind else () for kind in kinds]
-    fits = {one: fitter.fit(EffectSet.of(REGISTRY, one)) for one in sets}
+    fits = {one: fitter.fit(EffectSet.from_kinds(REGISTRY, one)) for one in sets}
     shares = dict.fromkeys(fits, 1.0 / len(fits)) if probability is None else probability
     return predictor, Belief(fits, shares, N, 1.0)
 
 
 def test_a_stiffness_is_parted_from_a_gain_by_a_load_without_pressure() -> None:
-    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
-    view = view_of(predictor, SCALES, N)
+    predictor, belief = make_belief(NARROW, "stiffness", "stiffness", "actuation_gain")
+    view = catalogue_view(predictor, SCALES, N)
     found = next_run(view, belief)
     assert found is not None
     assert "load" in named_run(view.runs, found.name).name or found.name == "blocked"
@@ -73,16 +73,18 @@ def test_a_stiffness_is_parted_from_a_gain_by_a_load_without_pressure() -> None:
 
 
 def test_a_run_that_was_done_has_nothing_to_tell_twice() -> None:
-    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
-    two = next_runs(view_of(predictor, SCALES, N), belief, 2)
+    predictor, belief = make_belief(NARROW, "stiffness", "stiffness", "actuation_gain")
+    two = next_runs(catalogue_view(predictor, SCALES, N), belief, 2)
     assert len({run.name for run in two}) == len(two)
+    for run in two:  # a probability of 10 % alone is no answer
+        assert ("more runs will be needed" in run.why) == (run.expected < 0.5)
     if len(two) == 2:
         assert two[1].ranked[0].gain_per_minute < two[0].ranked[0].gain_per_minute
 
 
 def test_runs_that_were_done_are_the_last_to_be_proposed() -> None:
-    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
-    view = view_of(predictor, SCALES, N)
+    predictor, belief = make_belief(NARROW, "stiffness", "stiffness", "actuation_gain")
+    view = catalogue_view(predictor, SCALES, N)
     first = next_run(view, belief)
     assert first is not None and first.planned is not None
     histories = [*NARROW, first.planned.history.with_(run="done")]
@@ -95,26 +97,30 @@ def test_runs_that_were_done_are_the_last_to_be_proposed() -> None:
 
 
 def test_runs_that_do_not_fit_into_the_minutes_are_left_out() -> None:
-    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
-    found = next_runs(view_of(predictor, SCALES, N), belief, 3, minutes=6.0)
+    predictor, belief = make_belief(NARROW, "stiffness", "stiffness", "actuation_gain")
+    found = next_runs(catalogue_view(predictor, SCALES, N), belief, 3, minutes=6.0)
     assert 0.0 < sum(run.minutes for run in found) <= 6.0
 
 
 def test_one_explanation_needs_no_run() -> None:
     probability = {("stiffness",): 0.99, UNKNOWN: 0.01}
-    predictor, belief = belief_of(poor(), "stiffness", "stiffness", probability=probability)
-    assert what_next(view_of(predictor, SCALES, N), belief, "missing_effect", predictor.measurement) == (
+    predictor, belief = make_belief(poor(), "stiffness", "stiffness", probability=probability)
+    assert what_next(
+        catalogue_view(predictor, SCALES, N), belief, "missing_effect", predictor.measurement
+    ) == (
         None,
         "",
     )
 
 
 def test_a_menu_without_a_run_that_could_decide_says_so() -> None:
-    """Turning a weightless finger tells nothing new, and the sensor is too coarse to see the rest."""
-    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
-    every = view_of(predictor, SCALES, N).runs
+    """Turning a weightless finger adds no information, and the sensor is too coarse for the rest."""
+    predictor, belief = make_belief(NARROW, "stiffness", "stiffness", "actuation_gain")
+    every = catalogue_view(predictor, SCALES, N).runs
     helpless = [named_run(every, name) for name in ("level", "upside_down", "sideways")]
-    tired = view_of(predictor, {"angle_rad": 100.0}, N, helpless)  # readings as coarse as a hundred radians
+    tired = catalogue_view(
+        predictor, {"angle_rad": 100.0}, N, helpless
+    )  # readings as coarse as a hundred radians
     found, sentence = what_next(tired, belief, "ambiguous", predictor.measurement)
     assert found is None
     assert "No run of the menu would decide" in sentence
@@ -123,46 +129,46 @@ def test_a_menu_without_a_run_that_could_decide_says_so() -> None:
 
 
 def test_a_bench_that_does_not_repeat_is_asked_to_repeat() -> None:
-    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
+    predictor, belief = make_belief(NARROW, "stiffness", "stiffness", "actuation_gain")
     found, sentence = what_next(
-        view_of(predictor, SCALES, N), belief, "not_repeatable", predictor.measurement
+        catalogue_view(predictor, SCALES, N), belief, "not_repeatable", predictor.measurement
     )
     assert isinstance(found, NextRun) and "again" in found.run and sentence == ""
     assert found == repeating(predictor.measurement)
 
 
 def test_only_a_new_specimen_is_virgin() -> None:
-    """A specimen that was measured has softened up to its largest amplitude; a new one only up to the first cycle's."""
-    predictor = predictor_of(FLAT, measured(FLAT, poor()))
-    view = view_of(predictor, SCALES, N)
+    """A measured specimen has softened up to its largest amplitude; a new one only up to the first cycle's."""
+    predictor = make_predictor(FLAT, measured(FLAT, poor()))
+    view = catalogue_view(predictor, SCALES, N)
     assert [run.name for run in view.runs if run.new_specimen] == ["virgin"]
     virgin = next(k for k, run in enumerate(view.runs) if run.new_specimen)
     used = named_run(view.runs, "virgin")
     used = replace(used, history=used.history.with_(specimen="A"))
-    again = view_of(predictor, SCALES, N, [used])
-    softening = EffectSet.of(REGISTRY, ("mullins",))
-    fresh = view.look(softening, softening.starts()[0]).values[view.rows([virgin])]
-    worn = again.look(softening, softening.starts()[0]).values
+    again = catalogue_view(predictor, SCALES, N, [used])
+    softening = EffectSet.from_kinds(REGISTRY, ("mullins",))
+    fresh = view.evaluate(softening, softening.starts()[0]).values[view.rows([virgin])]
+    worn = again.evaluate(softening, softening.starts()[0]).values
     first = slice(0, 40)  # the small first cycle
     assert np.abs(fresh[first] - worn[first]).max() > 1.0
     np.testing.assert_allclose(fresh[-40:], worn[-40:], atol=0.5)  # the last one is the largest for both
 
 
 def test_the_run_that_shows_an_effect_most_is_named() -> None:
-    predictor = predictor_of(FLAT, measured(FLAT, poor()))
+    predictor = make_predictor(FLAT, measured(FLAT, poor()))
     found = run_that_excites(
-        view_of(predictor, SCALES, N), {"thermal_softening": [effect("thermal_softening")]}
+        catalogue_view(predictor, SCALES, N), {"thermal_softening": [effect("thermal_softening")]}
     )
     assert "warmer" in found["thermal_softening"]
 
 
 def test_a_second_sensor_counts_where_it_tells_more() -> None:
-    """A bias of the angle sensor and a set of the body look alike to it; the tip sees the body alone."""
+    """A bias of the angle sensor and a set of the body give equal angles; the tip position depends on the body only."""
     chain = joint()
-    predictor, belief = belief_of(
+    predictor, belief = make_belief(
         [ramp("a", 500.0, 1.0), pushes("b", 0.0)], "sensor_bias", "sensor_bias", "", chain=chain
     )
-    view = view_of(predictor, SCALES, N)
+    view = catalogue_view(predictor, SCALES, N)
     assert set(view.added) == {"tip_x_m", "tip_y_m", "tip_z_m"}
     second = [k for k, run in enumerate(view.runs) if run.adds]
     assert view.rows(second).sum() == 4 * len(view.runs[second[0]].history)
@@ -172,8 +178,8 @@ def test_a_second_sensor_counts_where_it_tells_more() -> None:
 
 @pytest.mark.parametrize("n", [5.0, 40.0])
 def test_new_readings_are_worth_what_old_ones_are(n: float) -> None:
-    predictor, _ = belief_of(NARROW, "stiffness", "stiffness")
-    view = view_of(predictor, SCALES, n)
+    predictor, _ = make_belief(NARROW, "stiffness", "stiffness")
+    view = catalogue_view(predictor, SCALES, n)
     seconds = sum(float(np.ptp(run.history.time_s)) for run in predictor.measurement.runs)
     slow = [k for k, run in enumerate(view.runs) if run.name == "slow_cycles"]
     assert view.worth[view.rows(slow)].sum() == pytest.approx(n * 161.0 / seconds, rel=0.01)

@@ -1,4 +1,4 @@
-"""Noise as residuals show it: floors, effective size, scatter and drift between repeats, on noise of known colour."""
+"""Noise estimated from residuals: floors, effective size, scatter and drift of repeats, on noise of known colour."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import P, colour, measurement_of, ramp, run_of
+from tests.diagnosis.quick import P, colour, make_history, make_measurement, ramp
 from tests.diagnosis.tables import table
 
 from pliant.diagnosis.evidence_table import THRESHOLDS
@@ -14,40 +14,40 @@ from pliant.diagnosis.noise import (
     Drift,
     NoiseView,
     _between_run_scatter,
-    _deviations,
     drift_between,
     noise_view,
 )
 from pliant.diagnosis.verdict import judge
+from pliant.measurements.effective import repeat_deviations
 from pliant.measurements.floors import Floor
 from pliant.measurements.highpass import CORRELATION
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.records.measurement import Measurement
 
-N = 6_000  # readings of a run: what the noise itself scatters by is then a few percent
+N = 6_000  # readings of a run, so that the estimated noise scatters by a few percent
 SCALES = {"angle_rad": 1.0}
 
 
 def three_sd(independent: float) -> float:
-    """Three relative standard deviations of a variance that so many independent readings estimate."""
+    """Return three relative standard deviations of a variance estimated from `independent` readings."""
     return 3.0 * np.sqrt(2.0 / independent)
 
 
 def runs(conditions: int, repeats: int) -> Measurement:
-    """Levels that differ, each repeated."""
+    """Return levels that differ, each repeated."""
     clock, ramp_ = 0.5 * np.arange(N), np.linspace(0, 1, N)
     histories = [
-        run_of(f"r{c}{k}", clock, P * (c + 1) / conditions * ramp_)
+        make_history(f"r{c}{k}", clock, P * (c + 1) / conditions * ramp_)
         for c in range(conditions)
         for k in range(repeats)
     ]
-    return measurement_of(histories, [{"angle_rad": np.zeros(N)} for _ in histories])
+    return make_measurement(histories, [{"angle_rad": np.zeros(N)} for _ in histories])
 
 
 def view(
     conditions: int = 6, repeats: int = 2, *, phi: float, offset: float = 0.0, missed: float = 0.0
 ) -> NoiseView:
-    """Noise of unit standard deviation, ± an offset of repeats, and what the model misses, alike in repeats."""
+    """Return the view of noise of unit standard deviation, an offset ± of repeats, and a model error equal in both."""
     rng = np.random.default_rng(5)
     measurement = runs(conditions, repeats)
     residuals = []
@@ -58,12 +58,12 @@ def view(
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.6, 0.9])
-def test_effective_readings_are_those_of_the_noise_s_colour(phi: float) -> None:
-    """The summed correlation scatters by √(2 (2 M + 1) / n), M lags long (Madras and Sokal 1988, appendix C)."""
+def test_effective_readings_follow_from_the_noise_colour(phi: float) -> None:
+    """The summed correlation scatters by √(2 (2 M + 1) / n) for M lags (Madras and Sokal 1988, appendix C)."""
     free = 6 * N  # two repeats less their mean are one series
     lags = (
         -np.log(np.sqrt(free)) / np.log(phi) if phi else 1.0
-    )  # from there on the correlation is in the noise
+    )  # beyond this lag the correlation is below the noise
     tolerance = 3.0 * np.sqrt(2.0 * (2.0 * lags + 1.0) / free)
     assert view(phi=phi).n_effective == pytest.approx(12 * N * (1 - phi) / (1 + phi), rel=tolerance)
 
@@ -75,7 +75,7 @@ def test_what_the_model_misses_is_no_noise() -> None:
 
 
 def test_offsets_between_repeats_are_slip() -> None:
-    """Offsets of ± 3/√2 add 9 to the variance of 1; six differences tell it with 10² / (9²/6) degrees of freedom."""
+    """Offsets of ± 3/√2 add 9 to the variance of 1; six differences give it 10² / (9²/6) degrees of freedom."""
     still, slipping = view(phi=0.6), view(phi=0.6, offset=3.0 / np.sqrt(2.0))
     assert still.between_run_scatter == 1.0
     assert still.floor_square == pytest.approx(1.0, rel=three_sd(6 * N * (1 - 0.36) / (1 + 0.36)))
@@ -92,7 +92,7 @@ def test_without_repeats_nothing_is_judged() -> None:
     assert view(phi=0.0).judged
 
 
-def test_the_unit_of_the_floor_is_the_scale() -> None:
+def test_the_floor_unit_is_the_scale() -> None:
     measurement, rng = runs(3, 2), np.random.default_rng(0)
     residuals = [{"angle_rad": rng.normal(0, 0.01, N)} for _ in measurement.runs]
     one, other = (
@@ -103,11 +103,11 @@ def test_the_unit_of_the_floor_is_the_scale() -> None:
 
 
 def test_repeats_sampled_differently_and_runs_without_readings() -> None:
-    """No crash, and the noise of the others still counts."""
+    """They raise no error, and the noise of the other runs still counts."""
     histories = [ramp("a", 3e3, 0.02), ramp("b", 3e3, 0.01), ramp("c", 1e3, 0.02), ramp("d", 1e3, 0.02)]
     rng = np.random.default_rng(0)
     residuals = [{"angle_rad": rng.normal(size=len(h))} for h in histories]
-    measurement = measurement_of(histories, residuals)
+    measurement = make_measurement(histories, residuals)
     residuals[1]["angle_rad"][:] = np.nan
     found = noise_view(measurement, residuals, SCALES, repeat_groups(measurement))
     white = sum(map(len, histories)) - len(histories[1])
@@ -128,7 +128,7 @@ def test_a_run_that_was_done_once_counts_as_much_as_others(phi: float) -> None:
 
 
 def test_scatter_between_runs_is_told_with_its_doubt() -> None:
-    """Between over within, less 1.6449 standard errors of the floor; never below nothing."""
+    """Between over within, less 1.6449 standard errors of the floor, and never negative."""
     floor = Floor("angle_rad", "rad", 1.0, 3.0, None, 3.0, "repeats", 0.6, 2, 4, False)
     assert _between_run_scatter(floor) == pytest.approx(3.0 * (1.0 - 1.6449 * 0.2))
     assert _between_run_scatter(replace(floor, se=3.0)) == 0.0
@@ -136,11 +136,11 @@ def test_scatter_between_runs_is_told_with_its_doubt() -> None:
 
 
 @pytest.mark.parametrize("repeats", [2, 3, 5])
-def test_deviations_from_the_mean_of_repeats_keep_the_scatter_of_one_run(repeats: int) -> None:
-    """n − 1 of n parts of the variance are left beside the mean, so √(n/(n−1)) makes them whole."""
+def test_deviations_from_the_repeat_mean_keep_the_scatter_in_one_run(repeats: int) -> None:
+    """Deviations from the mean keep n − 1 of n parts of the variance, so the factor √(n/(n−1)) restores it."""
     rng = np.random.default_rng(8)
     residuals = [{"angle_rad": rng.normal(0.0, 1.0, 20_000)} for _ in range(repeats)]
-    found = _deviations(residuals, [RepeatGroup(tuple(range(repeats)), False)])
+    found = repeat_deviations(residuals, [RepeatGroup(tuple(range(repeats)), False)])
     assert [np.std(run["angle_rad"]) for run in found] == pytest.approx(
         [1.0] * repeats, rel=three_sd(20_000) / 2
     )
@@ -152,25 +152,25 @@ DRIFT_SIGMA, DRIFT_N = 0.01, 60
 
 
 def drifting(change: float, offset: float = 0.0, conditions: int = 8, seed: int = 1) -> Measurement:
-    """Each condition twice, all first runs before all second ones, which read `change` more of an angle."""
+    """Return each condition twice, first all first runs; the second ones have an angle larger by the share `change`."""
     rng, arch = np.random.default_rng(seed), np.sin(np.linspace(0.0, np.pi, DRIFT_N))
     histories, readings = [], []
     for again in range(2):
         for k in range(conditions):
             angle = (0.2 + 0.05 * k) * arch * (1.0 + again * change) + offset * rng.standard_normal()
             readings.append({"angle_rad": angle + DRIFT_SIGMA * rng.standard_normal(DRIFT_N)})
-            histories.append(run_of(f"r{again}{k}", np.arange(float(DRIFT_N)), 1e3 * (k + 1) * arch))
-    return measurement_of(histories, readings)
+            histories.append(make_history(f"r{again}{k}", np.arange(float(DRIFT_N)), 1e3 * (k + 1) * arch))
+    return make_measurement(histories, readings)
 
 
-def drift_of(measurement: Measurement, explained: bool = False) -> Drift | None:
+def find_drift(measurement: Measurement, explained: bool = False) -> Drift | None:
     residuals = [{"angle_rad": run.outputs["angle_rad"] * (not explained)} for run in measurement.runs]
     return drift_between(measurement, residuals, {"angle_rad": DRIFT_SIGMA}, repeat_groups(measurement))
 
 
-def test_a_change_of_scale_is_found_with_its_size() -> None:
+def test_a_scale_change_is_identified_with_its_size() -> None:
     measurement = drifting(0.1)
-    drift = drift_of(measurement)
+    drift = find_drift(measurement)
     assert drift is not None
     assert drift.share == pytest.approx(0.1 / 1.05, rel=0.05)  # of the mean of both
     angles = [run.outputs["angle_rad"] for run in measurement.runs]
@@ -179,9 +179,9 @@ def test_a_change_of_scale_is_found_with_its_size() -> None:
 
 
 def test_noise_offsets_and_what_a_model_explains_are_no_drift_and_few_groups_tell_nothing() -> None:
-    assert all(drift_of(drifting(0.0, offset=0.03, seed=seed)) is None for seed in range(5))
-    assert drift_of(drifting(0.1), explained=True) is None
-    assert drift_of(drifting(0.1, conditions=4)) is None
+    assert all(find_drift(drifting(0.0, offset=0.03, seed=seed)) is None for seed in range(5))
+    assert find_drift(drifting(0.1), explained=True) is None
+    assert find_drift(drifting(0.1, conditions=4)) is None
 
 
 @pytest.mark.parametrize(("size", "verdict"), [(2.0, "not_repeatable"), (0.5, "missing_effect")])

@@ -1,4 +1,4 @@
-"""Which hypotheses are fitted: sets weighed by superposition on a linear toy, and when the search grows."""
+"""The search over hypotheses: sets ranked by superposition on a linear example, and conditions of growth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import REGISTRY, effect, fitter_of, joint, measured, predictor_of, rich
+from tests.diagnosis.quick import REGISTRY, effect, joint, make_fitter, make_predictor, measured, rich
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.effect_fit import EffectFit
@@ -25,15 +25,15 @@ def bare(residual: np.ndarray, slopes: np.ndarray | None = None) -> EffectFit:
     return EffectFit(EffectSet((), (), ()), np.zeros(slopes.shape[1]), residual, slopes, True, ())
 
 
-def directions_of(residual: np.ndarray, **lost: float) -> Directions:
-    """Each kind is one direction; alone it is fitted by least squares; `lost` shares have no equilibrium."""
+def make_directions(residual: np.ndarray, **lost: float) -> Directions:
+    """Return directions of kinds with one shape each and a least-squares fit; `lost` shares have no equilibrium."""
     fits, shown = {(): bare(residual)}, {}
     for kind, shape in SHAPES.items():
         change = shape * (shape @ residual) / (shape @ shape)
         change = np.where(np.arange(N) < lost.get(kind, 0.0) * N, np.nan, change)
         fits[(kind,)] = bare(residual - change, shape[:, None])
         shown[kind] = Excitation(kind, None, 0, np.zeros(1), 1.0, shape, shape[:, None])  # type: ignore[arg-type]
-    return Directions.of(KINDS, fits, shown, 0.02)
+    return Directions.from_fits(KINDS, fits, shown, 0.02)
 
 
 def left(residual: np.ndarray, kinds: tuple[str, ...]) -> float:
@@ -42,24 +42,24 @@ def left(residual: np.ndarray, kinds: tuple[str, ...]) -> float:
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
-def test_sets_come_in_the_order_of_what_they_leave(size: int) -> None:
+def test_sets_come_in_the_order_by_what_they_leave(size: int) -> None:
     residual = SHAPES["b"] - 0.7 * SHAPES["e"] + 0.4 * SHAPES["f"] + 0.3 * RNG.standard_normal(N)
     every = sorted(combinations(KINDS, size), key=lambda kinds: left(residual, kinds))
-    assert directions_of(residual).promising(residual, size, 5) == every[:5]
+    assert make_directions(residual).promising(residual, size, 5) == every[:5]
 
 
 def test_beside_a_base_that_may_follow_the_missing_effect_comes_first() -> None:
     residual = SHAPES["b"] - 0.3 * SHAPES["e"]
-    directions, slopes = directions_of(residual), SHAPES["b"][:, None]
+    directions, slopes = make_directions(residual), SHAPES["b"][:, None]
     assert directions.next_to(residual - SHAPES["b"], slopes, ("b",), 1) == ["e"]
-    # what the base can follow by itself promises nothing
+    # a direction that the base can follow promises no gain
     followed = directions.next_to(SHAPES["b"] + 1e-3 * SHAPES["c"], slopes, (), len(KINDS))
     assert followed[0] == "c" and followed[-1] == "b"
 
 
 def test_directions_without_equilibrium_at_many_readings_are_left_out() -> None:
     residual = SHAPES["b"] + SHAPES["e"]
-    directions = directions_of(residual, a=0.5, b=0.01)
+    directions = make_directions(residual, a=0.5, b=0.01)
     owners = [KINDS[number] for number in directions.owner]
     assert owners.count("a") == owners.count("c") - 1
     assert int((~directions.there).sum()) == 2
@@ -72,8 +72,8 @@ FOUR = ["actuation_gain", "mullins", "sensor_bias", "stiffness"]
 def searched(*hidden, kinds=FOUR, seed: int = 3) -> HypothesisSearch:
     chain = joint()
     measurement = measured(chain, rich(), *hidden, seed=seed)
-    fitter = fitter_of(predictor_of(chain, measurement))
-    shown = excitations(REGISTRY, fitter, fitter.fit(EffectSet.of(REGISTRY, ())), kinds)
+    fitter = make_fitter(make_predictor(chain, measurement))
+    shown = excitations(REGISTRY, fitter, fitter.fit(EffectSet.from_kinds(REGISTRY, ())), kinds)
     search = HypothesisSearch(REGISTRY, measurement, fitter.readings, fitter, THRESHOLDS, shown)
     search.run(kinds)
     return search

@@ -1,4 +1,4 @@
-"""Expected log Bayes factors against closed forms, on hypotheses that are linear."""
+"""Expected log Bayes factors against closed forms, on linear hypotheses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NO_SLOPES, NO_KNOBS = np.zeros((40, 0)), np.zeros((0, 0))
 
 
 def fixed(mean: np.ndarray, probability: float = 0.5, form: float = 0.0) -> Contender:
-    """A hypothesis without parameters."""
+    """Return a hypothesis without parameters."""
     return Contender(probability, mean, np.zeros((len(mean), 0)), NO_KNOBS, form)
 
 
@@ -26,8 +26,8 @@ def test_two_fixed_means_differ_by_half_their_squared_distance() -> None:
     assert found.factors[0, 0] == found.factors[1, 1] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_probability_of_a_right_verdict_is_that_of_a_normal_deviate() -> None:
-    """Even odds, means 2 d apart: ln odds ~ N(2 d², 4 d²), and a verdict asks for ln 9."""
+def test_the_probability_for_a_right_verdict_is_that_for_a_normal_deviate() -> None:
+    """For even odds and means 2 d apart ln odds ~ N(2 d², 4 d²), and a verdict requires ln 9."""
     d = 1.5
     mean = np.zeros(40)
     mean[3] = 2 * d
@@ -40,7 +40,7 @@ def test_the_probability_of_a_right_verdict_is_that_of_a_normal_deviate() -> Non
 
 
 def test_what_a_parameter_can_imitate_does_not_tell() -> None:
-    """b may bend along one direction: if a's difference lies along it, only what the old data know of it counts."""
+    """A difference along the direction that b can bend in counts only by the old data's information on it."""
     along, across = np.zeros(40), np.zeros(40)
     along[0], across[1] = 3.0, 3.0
     slope = np.zeros((40, 1))
@@ -57,8 +57,8 @@ def test_what_a_parameter_can_imitate_does_not_tell() -> None:
         assert factor(across, known) == pytest.approx(mismatch + 0.5 * 9.0)
 
 
-def test_the_separating_run_of_a_linear_toy_is_known() -> None:
-    """y = θ u against y = θ u + ψ u²: the more curved drive separates; one that repeats the old line does not."""
+def test_the_separating_run_in_a_linear_toy_is_known() -> None:
+    """y = θ u against y = θ u + ψ u²: the more curved input separates; one that repeats the old line does not."""
     old, straight, curved = np.linspace(0, 1, 20), np.linspace(0, 1, 20), np.linspace(0, 3, 20)
     psi = 0.8
 
@@ -66,7 +66,7 @@ def test_the_separating_run_of_a_linear_toy_is_known() -> None:
         plain = Contender(0.5, drive, drive[:, None], np.array([[old @ old]]))
         design = np.column_stack([drive, drive**2])
         was = np.column_stack([old, old**2])
-        # the rival's line passes through the old data as well as it can, its curve known to be psi
+        # the rival's line fits the old data as well as possible, with its curvature known to be psi
         tilt = -psi * (old @ old**2) / (old @ old)
         rival = Contender(0.5, drive * (1 + tilt) + psi * drive**2, design, was.T @ was)
         return expected([plain, rival], 1.0, 0.9).information

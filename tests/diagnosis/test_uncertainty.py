@@ -1,4 +1,4 @@
-"""Uncertainty against closed forms, how often intervals hold the truth, and what a fit asks of the engine."""
+"""Uncertainty against closed forms, the coverage of intervals, and the calls that a fit makes to the engine."""
 
 import numpy as np
 import pytest
@@ -59,19 +59,19 @@ def test_a_line_has_the_textbook_covariance_and_profile(scale):
         assert not (e.open_low or e.open_high or e.at_limit)
 
 
-def test_a_quarter_of_the_readings_doubles_the_uncertainty():
+def test_a_quarter_as_many_readings_double_the_uncertainty():
     work = fitter(line, line_data())
     fit = work.fit(two())
-    many, few = (uncertainty(work, fit, n, profiles=False).of("formula.a").sd for n in (42, 12))
+    many, few = (uncertainty(work, fit, n, profiles=False).estimate("formula.a").sd for n in (42, 12))
     assert few / many == pytest.approx(2.0, rel=1e-6)  # √((42 − 2) / (12 − 2))
 
 
 def test_a_parameter_that_nothing_depends_on_is_open_and_infinitely_unsure():
     found = unsure(lambda t, a, b: a + 0.0 * b * t, line_data(b=0.0), two(role="shape"))
-    blind = found.of("formula.b")
+    blind = found.estimate("formula.b")
     assert np.isinf(blind.sd) and blind.open_low and blind.open_high
     assert (blind.low, blind.high) == (-100.0, 100.0)
-    assert np.isfinite(found.of("formula.a").sd)
+    assert np.isfinite(found.estimate("formula.a").sd)
 
 
 def test_two_parameters_that_do_the_same_are_unsure_up_to_their_bounds():
@@ -83,7 +83,7 @@ def test_two_parameters_that_do_the_same_are_unsure_up_to_their_bounds():
 def test_a_strength_at_its_bound_is_open_there_and_holds_neutral():
     of = candidate(parameter("a", bounds=(0.0, 5.0), plausible=(0.1, 1.0)))
     found = unsure(lambda t, a, b: a + 0 * t, line_data(a=-0.05, b=0.0, sigma=0.2), of)
-    estimate = found.of("formula.a")
+    estimate = found.estimate("formula.a")
     assert estimate.at_limit and estimate.open_low and not estimate.open_high
     assert estimate.low == 0.0 < estimate.high < 0.2
     assert estimate.includes_neutral and found.absent("formula")
@@ -92,7 +92,7 @@ def test_a_strength_at_its_bound_is_open_there_and_holds_neutral():
 def test_a_bent_profile_is_not_symmetric():
     rng = np.random.default_rng(3)
     data = measured([1.0 - np.exp(-CLOCK / 30.0) + rng.normal(0, 0.05, N)], [CLOCK])
-    found = unsure(relaxing, data, relaxation()).of("formula.b")
+    found = unsure(relaxing, data, relaxation()).estimate("formula.b")
     assert found.high - found.value > 1.3 * (found.value - found.low)
     assert found.low < 30.0 < found.high
 
@@ -121,7 +121,7 @@ SHAPE = parameter(
         (0.02, (0.01, 0.05), (True, False), False, "one volume is enough"),
         (1.0, (0.6, 1.0), (False, True), True, "both are as slow"),
         (0.02, (0.015, 0.03), (False, False), False, ""),  # needed, and implausible
-        (0.2, (0.01, 1.0), (True, True), False, ""),  # not felt
+        (0.2, (0.01, 1.0), (True, True), False, ""),  # without effect on the readings
         (0.01, (0.01, 1.0), (True, True), True, "one volume is enough"),
     ],
 )
@@ -142,13 +142,13 @@ def test_a_shape_whose_simpler_form_is_enough_says_so_and_is_no_alarm(value, end
         (0.0, np.inf, "0", 0.0),
     ],
 )
-def test_values_stop_at_the_second_digit_of_their_uncertainty(value, sd, text, rounded_value):
+def test_values_stop_at_the_second_digit_in_their_uncertainty(value, sd, text, rounded_value):
     assert rounded(value, sd) == rounded_value
     assert rounded_to_sd(value, sd) == text
 
 
 def test_intervals_hold_the_truth_nine_times_in_ten():
-    """Coloured noise, repeats, a linear and a bent parameter: 80 sets, 160 intervals."""
+    """Coloured noise, repeats, a linear and a nonlinear parameter: 80 sets, 160 intervals."""
     a, b, held, sets = 1.0, 4.0, 0, 80
     clocks = [np.arange(0.0, 40.0, 0.4)] * 6
     for seed in range(sets):
@@ -165,7 +165,7 @@ def test_intervals_hold_the_truth_nine_times_in_ten():
     assert 0.80 <= held / (2 * sets) <= 0.97
 
 
-# -- what a fit asks of the engine: no point twice, no slope of a parameter that is held, no idle step --
+# -- calls to the engine: no point twice, no slope of a fixed parameter, no idle step --
 
 T = np.linspace(0.0, 3.0, 40)
 
@@ -181,7 +181,7 @@ def made(function):
 
 @pytest.fixture
 def counted(monkeypatch):
-    """A fitter of a line, and the number of changes that its engine was asked for at each call."""
+    """Return a fitter of a line, and the number of changes that its engine computed at each call."""
     found, asked = made(line), []
     vary = found.predictor.vary
 
@@ -196,18 +196,18 @@ def counted(monkeypatch):
 def test_a_point_that_was_looked_at_is_not_asked_for_again(counted):
     found, asked = counted
     x = two().starts()[0]
-    looked = found.look(two(), x)
-    again = found.look(two(), x.copy())
+    looked = found.evaluate(two(), x)
+    again = found.evaluate(two(), x.copy())
     assert asked == [2]
     np.testing.assert_array_equal(looked.slopes, again.slopes)
     fit = found.fit(two())
     np.testing.assert_array_equal(fit.x, made(line).fit(two()).x)
-    # A line is solved in damped steps; the last one, which takes off what is left of the damping, needs no engine.
+    # A line is solved in damped steps; the last one, which removes the remaining damping, needs no engine.
     assert fit.converged and len(asked) <= 1 + 2
 
 
 @pytest.mark.parametrize(("of", "slopes"), [(two(), 1), (candidate(parameter("a")), 0)])
-def test_slopes_of_a_held_parameter_are_not_asked_for(counted, of, slopes):
+def test_slopes_by_a_held_parameter_are_not_requested(counted, of, slopes):
     found, asked = counted
     fit = found.fit(of)
     asked.clear()
@@ -216,7 +216,7 @@ def test_slopes_of_a_held_parameter_are_not_asked_for(counted, of, slopes):
     assert slopes or len(asked) == 2  # alone it takes one call for each height of its profile
 
 
-def test_a_bent_valley_is_followed_to_the_ends_of_its_profile():
+def test_a_bent_valley_is_followed_to_both_ends_along_its_profile():
     found = made(bent)
     fit = found.fit(two())
     best, scale = found.weights @ fit.residual**2, fit.mean_square() * len(fit.residual) / 98.0

@@ -1,4 +1,4 @@
-"""Evidence, probabilities and verdicts by tables made by hand; what credible explanations have in common."""
+"""Evidence, probabilities and verdicts on tables set by hand; common parts of credible explanations."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_data_without_noise_and_fits_without_equilibrium_have_probabilities() ->
 
 
 def test_what_a_slightly_wrong_law_explains_is_no_merit() -> None:
-    """An effect that explains less than `excited`² of the noise's square is not paid, however many readings."""
+    """An effect that explains less than `excited`² of the noise's square gains nothing, for any number of readings."""
     for n in (1e2, 1e4, 1e6):
         assert odds(table({(): 1.0 + 0.9 * THRESHOLDS.excited**2, ("a",): 1.0}, n=n), ("a",), ()) < 0
     assert odds(table({(): 3.0, ("a",): 1.0}), ("a",), ()) > 20
@@ -78,7 +78,7 @@ def test_a_further_effect_must_explain_more_than_an_equation_may_leave() -> None
 def test_unknown_is_for_errors_that_nothing_explains() -> None:
     assert next(iter(weighed(table({(): 50.0, ("a",): 45.0}, n=300)))) == UNKNOWN
     assert odds(table({(): 50.0, ("a",): 1.0}, n=300), ("a",), UNKNOWN) > 20
-    explained = 10.0  # what right equations leave over of it is no proof
+    explained = 10.0  # its remainder under exact equations is no proof
     for left, believed in ((0.05, True), (0.3, False)):
         single = 1.0 + left * explained
         t = table({(): single + explained, ("a",): single}, n=400.0)
@@ -87,11 +87,11 @@ def test_unknown_is_for_errors_that_nothing_explains() -> None:
 
 @pytest.mark.parametrize(("left", "first"), [(2.5, ("a",)), (4.0, UNKNOWN)])
 def test_an_effect_outside_the_list_has_its_price(left: float, first: tuple[str, ...]) -> None:
-    """One that brings the error near the floor is believed before an unknown one, which could have any form."""
+    """An effect that brings the error near the floor is preferred to an unknown one, which could have any form."""
     assert next(iter(weighed(table({(): left + 10.0, ("a",): left}, n=100.0)))) == first
 
 
-def test_each_parameter_costs_half_the_logarithm_of_n_and_each_effect_by_the_length_of_the_list() -> None:
+def test_each_parameter_costs_half_log_n_and_each_effect_by_the_list_length() -> None:
     t = table({(): 3.0, ("a",): 1.0, ("b",): 1.0}, n=100.0)
     t.rows[("b",)].__dict__["n_parameters"] = 2
     assert odds(t, ("a",), ("b",)) == pytest.approx(0.5 * np.log(100.0))
@@ -101,14 +101,14 @@ def test_each_parameter_costs_half_the_logarithm_of_n_and_each_effect_by_the_len
     assert dearer == pytest.approx(THRESHOLDS.effect * np.log(12 / 2))
 
 
-def test_sets_of_one_size_are_weighed_alike_whatever_their_parts_explain_alone() -> None:
+def test_sets_with_one_size_are_weighed_alike_whatever_their_parts_explain_alone() -> None:
     squares = {(): 8.0, ("a",): 3.0, ("b",): 7.0, ("c",): 7.5, ("d",): 7.6, ("a", "b"): 1.0, ("c", "d"): 1.0}
     assert odds(table(squares), ("a", "b"), ("c", "d")) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("n", [1e3, 1e4, 1e6])
 def test_a_rival_that_leaves_little_is_not_excluded_by_more_readings(n: float) -> None:
-    """A share of what an effect explains may be left by a form that is not quite ours, whichever effect it is."""
+    """An inexact functional form may leave a share of the error, whichever effect it is."""
     little = table({(): 9.0, ("a",): 1.0, ("b",): 1.0 + 0.005 * 8.0}, n=n)
     precise = table({(): 9e4, ("a",): 1.0, ("b",): 1.0 + 0.005 * 9e4}, n=n)
     much = table({(): 9.0, ("a",): 1.0, ("b",): 1.0 + 0.1 * 8.0}, n=n)
@@ -116,21 +116,21 @@ def test_a_rival_that_leaves_little_is_not_excluded_by_more_readings(n: float) -
     assert 0.0 < odds(little, ("a",), ("b",)) <= due
     assert judge(precise, THRESHOLDS, 2).selected == (
         "a",
-    )  # it would have to meet the other one's form by chance
+    )  # it would have to match the other one's form by chance
     assert judge(little, THRESHOLDS, 2).verdict == "ambiguous"
     assert judge(much, THRESHOLDS, 2).selected == ("a",)
 
 
 @pytest.mark.parametrize("told", [0.3, 0.1, 0.03])
 def test_runs_in_which_two_rivals_do_the_same_do_not_lessen_what_another_run_tells(told: float) -> None:
-    """One condition shows a change that the rival alone makes; `told`: its share of all readings."""
+    """One condition shows a change that the rival alone makes; the parameter is its share of all readings."""
     of_condition = {(): (1.0, 9.0), ("a",): (1.0, 1.0), ("b",): (2.2, 1.0)}
     shares = np.array([told, 1.0 - told])
     rows = {
         kinds: replace(row(kinds, float(shares @ square)), squares=tuple((shares * square).tolist()))
         for kinds, square in of_condition.items()
     }
-    pooled = replace(table({}, n=30.0 / told), rows=rows)  # 30 independent readings tell them apart
+    pooled = replace(table({}, n=30.0 / told), rows=rows)  # 30 independent readings distinguish them
     by_itself = 0.5 * 30.0 * np.log(1.0 + 1.2 / (1.0 + THRESHOLDS.excited**2))
     kept = odds(replace(pooled, shares=tuple(shares.tolist())), ("a",), ("b",))
     assert kept >= by_itself > 10.0
@@ -201,7 +201,7 @@ def test_verdicts(verdict, squares, noise, excited) -> None:
     assert found.verdict == verdict
     assert found.selected == (("a",) if verdict == "missing_effect" else ())
     assert sum(found.probability.values()) == pytest.approx(1.0)
-    assert bool(found.reasons) is (verdict not in ("missing_effect", "ambiguous"))  # their headline says it
+    assert bool(found.reasons) is (verdict not in ("missing_effect", "ambiguous"))  # their headline states it
     if squares is TWINS:
         assert set(found.credible) == {("a",), ("b",)}
     if squares is STRANGE:
@@ -214,7 +214,7 @@ UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
 @pytest.mark.parametrize(
     ("squares", "n", "verdict", "sentence"),
     [
-        # an error that only thousands of readings tell from the noise: little is to be gained
+        # an error that only thousands of readings distinguish from the noise: there is little to gain
         (
             UNKNOWN_LEFT,
             8000.0,
@@ -240,7 +240,7 @@ UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
             "effect outside the list or a or b.",
         ),
         (CLEAN, 200.0, "nothing_missing", "Nothing is missing that these data could show."),
-        # 1.21 times the noise, but of few readings: not told from it
+        # 1.21 times the noise, but from few readings: not distinguished from it
         ({(): 1.45, ("a",): 1.45}, 60.0, "nothing_missing", "Nothing is missing that these data could show."),
         (
             {(): 2.0, ("a",): 2.0},
@@ -250,8 +250,8 @@ UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
         ),
     ],
 )
-def test_the_sentence_of_a_verdict_is_about_the_size_of_the_error(squares, n, verdict, sentence) -> None:
-    """The golden sentences: verdict by what is left to gain. The verdict itself does not look at the size."""
+def test_the_sentence_on_a_verdict_is_about_the_error_size(squares, n, verdict, sentence) -> None:
+    """The golden sentences depend on the verdict and on the possible gain; the verdict does not depend on the size."""
     found = judge(table(squares, n=n), THRESHOLDS, 2)
     assert (found.verdict, found.sentence) == (verdict, sentence)
     if verdict == "unknown_effect":
@@ -288,7 +288,7 @@ def test_conditions_left_out_may_rise_by_little(rise: float, predicts: bool) -> 
     assert predicts_unseen(made, ("a",)) is predicts
 
 
-# -- effects that stand for one another ---------------------------------------------------------------
+# -- effects that represent one another ----------------------------------------------------------------
 
 LAGS = frozenset(map(frozenset, [("damping", "lag"), ("slow_camera", "damping")]))
 OPEN: dict[Kinds, float] = {
@@ -315,7 +315,7 @@ def without(rival: Kinds) -> dict[Kinds, float]:
 @pytest.mark.parametrize(
     ("probability", "found"),
     [
-        (OPEN, ("damping", ("damping", "lag", "slow_camera"))),  # lag and slow_camera are joined over damping
+        (OPEN, ("damping", ("damping", "lag", "slow_camera"))),  # connected through damping
         ({("a",): 0.6, ("a", "b"): 0.3, ("a", "c"): 0.08, NOTHING: 0.02}, ("a", ("a",))),
         *((without(rival), None) for rival in (NOTHING, UNKNOWN, ("friction",))),
         ({("damping",): 0.5, ("bias", "lag"): 0.5}, None),  # exchanged only where all else is equal
@@ -328,11 +328,11 @@ def without(rival: Kinds) -> dict[Kinds, float]:
 )
 def test_look_alikes_that_hold_nearly_all_probability_have_a_stand_in(probability, found) -> None:
     assert core(probability) == found
-    assert core(OPEN, alike=frozenset()) is None  # what the runs tell apart is not exchanged
+    assert core(OPEN, alike=frozenset()) is None  # effects that the runs distinguish are not exchanged
 
 
 def test_a_shape_on_its_bound_is_no_stand_in_while_another_is_free() -> None:
     assert core(OPEN, {("damping",): frozenset({"damping"})})[0] == "lag"
     assert core(OPEN, {kinds: frozenset(kinds) for kinds in OPEN})[0] == "damping"
-    # it counts where the effect is most probable
+    # it counts for the most probable effect
     assert core(OPEN, {("bias", "damping"): frozenset({"damping"})})[0] == "damping"

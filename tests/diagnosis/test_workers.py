@@ -1,4 +1,4 @@
-"""Hypotheses fitted by workers: what travels is pickled, and what is found is the same to the bit."""
+"""Hypotheses fitted by workers: tasks and results are pickled, and results are equal bit for bit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import effect, joint, measured, predictor_of, rich
+from tests.diagnosis.quick import effect, joint, make_predictor, measured, rich
 
 from pliant.diagnosis import fitting
 from pliant.diagnosis.diagnosis import diagnose
@@ -21,7 +21,7 @@ KINDS = ("stiffness", "viscoelastic", "sensor_bias")
 
 
 class Far(InlineExecutor):
-    """What is submitted and what comes back goes through pickle, as to another process."""
+    """An executor that passes tasks and results through pickle, as to another process."""
 
     calls = 0
 
@@ -36,7 +36,7 @@ class Far(InlineExecutor):
 @pytest.mark.parametrize("made", [Far, partial(ThreadExecutor, 3)], ids=["far", "threads"])
 def test_workers_change_nothing(made: Callable[[], Executor]) -> None:
     chain = joint()
-    predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
+    predictor = make_predictor(chain, measured(chain, rich(1), effect("viscoelastic")))
     with executor_for(InlineExecutor()) as alone, executor_for(made()) as others:
         here, there = (diagnose(predictor, kinds=KINDS, workers=one) for one in (alone, others))
     assert getattr(others, "calls", 99) >= len(KINDS) + 1
@@ -47,14 +47,14 @@ def test_workers_change_nothing(made: Callable[[], Executor]) -> None:
 
 
 class Cluster(Far):
-    """Workers that may have other code."""
+    """An executor whose workers may have other code."""
 
     remote = True
 
 
 def test_a_worker_with_other_code_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     chain = joint()
-    predictor = predictor_of(chain, measured(chain, rich(1), effect("viscoelastic")))
+    predictor = make_predictor(chain, measured(chain, rich(1), effect("viscoelastic")))
     fingerprints = iter(["of the driver", "of the driver", "of another version"])
     monkeypatch.setattr(fitting, "code_of", lambda modules: next(fingerprints))
     with pytest.raises(UserError, match="another version of Pliant, of a plugin or of a library"):

@@ -1,4 +1,4 @@
-"""A folder in which the commands of a page run."""
+"""A working folder for the commands of a page."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +9,7 @@ from tests.docs.pages import ROOT
 
 @pytest.fixture(scope="module")
 def workplace(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The working folder of a module's tests, with the examples in it; one store for all of them."""
+    """Return the working folder of a module's tests, with the examples in it and one store for all of them."""
     folder = tmp_path_factory.mktemp("typed")
     (folder / "examples").symlink_to(ROOT / "examples")
     with pytest.MonkeyPatch.context() as patch:

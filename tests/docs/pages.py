@@ -1,4 +1,4 @@
-"""Pages of the docs as tests need them: their blocks of text, and their commands, run as they stand."""
+"""Pages of the docs: their text blocks, and their commands, run unchanged."""
 
 import re
 import shlex
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 
 
-def text_of(name: str) -> str:
+def page_text(name: str) -> str:
     return (DOCS / f"{name}.md").read_text(encoding="utf-8")
 
 
@@ -21,17 +21,17 @@ def blocks(text: str, language: str) -> list[str]:
 
 
 def commands(text: str) -> list[str]:
-    """The `pliant` commands of a page's console blocks, without their comments."""
+    """Return the `pliant` commands of a page's console blocks, without their comments."""
     return re.findall(r"^\$ pliant ([^#\n]*)", "\n".join(blocks(text, "console")), re.M)
 
 
-# A diagnosis asks for all effects by default, which takes its time; these stand in for them.
+# By default a diagnosis tries all effects, which is slow; these kinds represent them.
 FEW_EFFECTS = ("stiffness", "actuation_gain", "viscoelastic", "mullins", "dead_zone", "sensor_bias")
 ASK_FEW = tuple(word for kind in FEW_EFFECTS for word in ("--effect", kind))
 
 
 def run(command: str, *more: str) -> str:
-    """What a command prints; it must succeed."""
+    """Run a command, require success and return its output."""
     done = CliRunner().invoke(app, [*shlex.split(command), *more], env={"COLUMNS": "200"})
     assert done.exit_code == 0, done.output
     return done.stdout

@@ -1,17 +1,17 @@
-"""docs/bring_your_own_data.md is true: its commands run, and its answer is what the command says."""
+"""docs/bring_your_own_data.md is correct: its commands run, and the quoted answer is the command's output."""
 
 import json
 import re
 import shutil
 
 import pytest
-from tests.docs.pages import ROOT, blocks, commands, run, text_of
+from tests.docs.pages import ROOT, blocks, commands, page_text, run
 from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
 from pliant.registry.discovery import discover
 
-PAGE = text_of("bring_your_own_data")
+PAGE = page_text("bring_your_own_data")
 NOTES, STUDY = (
     next(text for text in blocks(PAGE, "yaml") if text.startswith(start)) for start in ("rename", "pliant: 1")
 )
@@ -23,7 +23,7 @@ def table(workplace):
     (workplace / "bellow.yaml").write_text(NOTES)
 
 
-def test_the_question_is_the_one_of_the_page(workplace, table):
+def test_the_question_is_the_one_on_the_page(workplace, table):
     (workplace / "bellow.yaml").unlink()
     done = CliRunner().invoke(app, ["fit", "bellow.csv"])
     assert done.exit_code == 2
@@ -31,7 +31,7 @@ def test_the_question_is_the_one_of_the_page(workplace, table):
 
 
 @pytest.mark.slow
-def test_the_command_and_the_study_of_the_page_run(workplace, table):
+def test_the_command_and_the_study_on_the_page_run(workplace, table):
     worst = re.compile(r"worst error ([\d.]+) %")
     share, stated = (float(worst.search(text)[1]) for text in (run(commands(PAGE)[0]), PAGE))
     assert share == pytest.approx(stated, rel=0.2)

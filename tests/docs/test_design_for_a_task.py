@@ -1,17 +1,17 @@
-"""docs/design_for_a_task.md: its studies, typed in as they stand, and its commands at a small budget."""
+"""docs/design_for_a_task.md: its studies, copied unchanged, and its commands at a small budget."""
 
 import json
 import re
 
 import pytest
 from ruamel.yaml import YAML
-from tests.docs.pages import blocks, commands, run, text_of
+from tests.docs.pages import blocks, commands, page_text, run
 
 from pliant.config.loading import load_study
-from pliant.config.search import SearchConfig
 from pliant.registry.discovery import discover
+from pliant_search.config import SearchConfig
 
-PAGE = text_of("design_for_a_task")
+PAGE = page_text("design_for_a_task")
 # Fewer candidates, scenarios, and folds of the meta-model's scores; nothing is solved by FEM.
 SMALL = ("meta_model.folds=2", "search.verify.fem=false", "search.budget=8")
 FEWER = {
@@ -23,7 +23,7 @@ FEWER = {
 
 @pytest.fixture(scope="module")
 def searched(workplace):
-    """A function: what a search of the page prints and writes."""
+    """Return a function that gives the output and the files of a search of the page."""
     for text in blocks(PAGE, "yaml"):
         if re.search(r"^pliant: 1$", text, re.M):
             (workplace / f"{re.search(r'^name: (.*)$', text, re.M)[1]}.yaml").write_text(
@@ -57,8 +57,8 @@ def test_the_example_searches_what_the_page_says_and_writes_its_files(reached, w
     assert best.chain.modules == told["best"]["values"]["n"]
 
 
-def test_the_best_of_the_page_keeps_its_own_constraints():
-    """Its numbers, put into the study's formulas."""
+def test_the_best_on_the_page_keeps_its_constraints():
+    """The values of the best design satisfy the published formulas."""
     shown = next(text for text in PAGE.split("```\n") if text.startswith("best"))
     best = {name: float(value) for name, value in re.findall(r"^ {9}(\w+) +([\d.]+)(?: mm)?$", shown, re.M)}
     assert best["R"] - best["r"] >= best["l"] / 4
@@ -68,7 +68,7 @@ def test_the_best_of_the_page_keeps_its_own_constraints():
 
 
 @pytest.mark.slow
-def test_a_robust_search_has_the_scenarios_of_the_command(searched):
+def test_a_robust_search_has_the_command_scenarios(searched):
     assert searched("sure")[1]["robustness"]["samples"] == 2
 
 
@@ -82,7 +82,7 @@ def test_the_front_is_sorted(searched):
 
 
 @pytest.mark.slow
-def test_the_python_of_the_page_reads_what_is_there(reached, workplace, capsys):
+def test_the_python_on_the_page_reads_what_is_there(reached, workplace, capsys):
     text = next(text for text in blocks(PAGE, "python") if "api.optimize" in text)
     opened = f'open_study("reach.yaml", overrides={list(SMALL)}, store="store")'
     text = text.replace('open_study("reach.yaml")', opened).replace(".verified[", ".predicted[")
@@ -93,7 +93,7 @@ def test_the_python_of_the_page_reads_what_is_there(reached, workplace, capsys):
 @pytest.mark.parametrize(
     "text", [text for text in blocks(PAGE, "yaml") if text.startswith("search:\n  variables")]
 )
-def test_the_variables_of_the_page_are_read(text):
+def test_the_variables_on_the_page_are_read(text):
     block = YAML(typ="safe", pure=True).load(text)["search"]
     config = SearchConfig.model_validate({**block, "objective": "rmse"})
     assert [one.each for one in config.variables.values()].count(True) == 1

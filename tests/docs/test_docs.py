@@ -1,4 +1,4 @@
-"""The docs are true: every kind has a fresh page, links lead somewhere, examples are accepted, their plugins run."""
+"""The docs are correct: every kind has a fresh page, links resolve, examples are accepted, their plugins run."""
 
 import ast
 import importlib.util
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.docs.pages import DOCS, ROOT, blocks, commands, run, text_of
+from tests.docs.pages import DOCS, ROOT, blocks, commands, page_text, run
 from typer.testing import CliRunner
 
 from pliant.cli.plugins import create_package
@@ -58,8 +58,26 @@ def test_the_generated_pages_are_fresh_and_stale_ones_are_named(monkeypatch, cap
     assert {Path(line.split(" is missing")[0]) for line in capsys.readouterr().out.splitlines()} == set(stale)
 
 
-# Pages about records and fields show defaults as Python has them.
-OF_CODE = ("records", "plugin_basics")
+# Pages about records and fields show defaults in Python's notation.
+OF_CODE = ("records", "mechanics", "plugin_basics", "index")
+
+
+@pytest.mark.parametrize(
+    ("page", "says"),
+    [
+        ("records.md", "#### `evaluate(actuation: Array, deformation: Array) -> Effort`"),
+        ("records.md", "function(actuation, deformation, parameters, tau, dtau_dp, dtau_du)"),
+        (
+            "records.md",
+            "#### `half_width(actuation: Array, deformation: Array, level: float = 0.9) -> Array`",
+        ),
+        ("surrogate/index.md", "| `report` | FitReport | required |"),
+        ("physics/index.md", "| `velocity` | Array | required |"),
+        ("mechanics.md", "`pliant.mechanics.statics`"),
+    ],
+)
+def test_what_a_plugin_is_made_with_has_a_reference(page, says):
+    assert says in (DOCS / "reference" / page).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", [*WRITTEN, *GENERATED], ids=lambda p: str(p.relative_to(ROOT)))
@@ -78,7 +96,7 @@ def test_links_lead_somewhere_and_tables_are_whole(page):
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.name)
-def test_studies_python_and_commands_of_a_page_are_accepted(page, tmp_path):
+def test_studies_python_and_commands_on_a_page_are_accepted(page, tmp_path):
     text = page.read_text(encoding="utf-8")
     for study in blocks(text, "yaml"):
         if study.startswith("pliant: 1") and "\nplugins:" not in study:
@@ -120,9 +138,9 @@ def loaded(monkeypatch, path, package):
 
 
 @pytest.mark.slow
-def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
-    """The code blocks of write_a_plugin.md, typed in as they stand."""
-    page = text_of("write_a_plugin")
+def test_the_plugin_in_the_docs_passes_conformance(tmp_path, monkeypatch):
+    """The code blocks of write_a_plugin.md are used unchanged."""
+    page = page_text("write_a_plugin")
     package = tmp_path / "my_effect"
     package.mkdir()
     (package / "__init__.py").write_text('"""My effect."""\n', encoding="utf-8")
@@ -136,8 +154,8 @@ def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
 
 
 def typed_in(folder, monkeypatch, name, interface):
-    """The component of a generated package, with the page's block typed over its implementation."""
-    page, package = text_of("write_a_plugin"), name.replace("-", "_")
+    """Return the component of a generated package whose implementation is replaced by the page's block."""
+    page, package = page_text("write_a_plugin"), name.replace("-", "_")
     cls = "".join(word.capitalize() for word in name.split("-"))
     (block,) = (text for text in blocks(page, "python") if f"class {cls}(" in text)
     assert f"`src/{package}/{interface}.py`" in page
@@ -151,7 +169,7 @@ def built(component, **keys):
 
 
 @pytest.mark.slow
-def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
+def test_the_task_with_contact_in_the_docs_pushes_a_ball(tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     component = typed_in(tmp_path, monkeypatch, "my-push", "task")
     kept_contract(component, 0)
@@ -163,7 +181,7 @@ def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_family_of_the_docs_bends_either_way(tmp_path, monkeypatch):
+def test_the_family_in_the_docs_bends_either_way(tmp_path, monkeypatch):
     component = typed_in(tmp_path, monkeypatch, "my-twin", "family")
     kept_contract(component, 20)
     solver = built(REGISTRY.get("fem", "skfem")).checked_solver(built(component).problem(), rubber())
@@ -173,10 +191,10 @@ def test_the_family_of_the_docs_bends_either_way(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_mesh_of_the_docs_from_a_mesher_is_sound(tmp_path, monkeypatch):
+def test_the_mesh_in_the_docs_from_a_mesher_is_sound(tmp_path, monkeypatch):
     pytest.importorskip("netgen")
     component = typed_in(tmp_path, monkeypatch, "my-twin", "family")
-    (block,) = (text for text in blocks(text_of("write_a_plugin"), "python") if "piece_mesh" in text)
+    (block,) = (text for text in blocks(page_text("write_a_plugin"), "python") if "piece_mesh" in text)
     typed = {}
     exec(block, typed)  # the page's own code
     family = built(component)
@@ -194,7 +212,7 @@ def rubber():
 
 
 @pytest.mark.slow
-def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
+def test_the_engine_in_the_docs_agrees(tmp_path, monkeypatch):
     component = typed_in(tmp_path, monkeypatch, "my-engine", "physics")
     kept_contract(component, 20)
     task = built(REGISTRY.get("task", "tip_load"), pressure="15 kPa", payload="13 g")
@@ -205,14 +223,14 @@ def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
 
 @pytest.fixture
 def own_effect(workplace):
-    """The file and the study of write_an_effect.md, typed in as they stand; the page's commands."""
-    page = text_of("write_an_effect")
+    """Return the file and the study of write_an_effect.md, copied unchanged, and the page's commands."""
+    page = page_text("write_an_effect")
     (workplace / "stiffening.py").write_text(blocks(page, "python")[0], encoding="utf-8")
     (workplace / "own.yaml").write_text(blocks(page, "yaml")[0], encoding="utf-8")
     return commands(page)
 
 
-def test_the_effect_of_the_docs_runs_from_outside_the_tree(own_effect):
+def test_the_effect_in_the_docs_runs_from_outside_the_tree(own_effect):
     simulate, plugins, _ = own_effect
     assert "stiffening.py" in run(plugins)
     # τ(p, u) with E scaled by 1 + 2 u² is in balance at each joint.
@@ -222,19 +240,19 @@ def test_the_effect_of_the_docs_runs_from_outside_the_tree(own_effect):
 
 
 @pytest.mark.slow
-def test_the_effect_of_the_docs_passes_conformance(own_effect):
+def test_the_effect_in_the_docs_passes_conformance(own_effect):
     assert "0 failed, 0 skipped" in run(own_effect[2])
 
 
-def test_the_memory_of_the_docs_wears_a_joint_down():
-    """The second function of write_an_effect.md, in the term that the text names."""
-    page = text_of("write_an_effect")
+def test_the_memory_in_the_docs_wears_a_joint_down():
+    """The second function of write_an_effect.md is used in the term that the text names."""
+    page = page_text("write_an_effect")
     made = {"LawTerm": LawTerm}
     exec(blocks(page, "python")[1], made)
     (text,) = re.findall(r"`(LawTerm\(.*?\))`\.", page)
     chain = sample_chain(modules=1, gravity=(0, 0, 0)).with_(terms=(eval(text, made),))
     pressure = 7.5e3 * (1 - np.cos(np.linspace(0, 6 * np.pi, 61)))
-    history = History.of({"pressure_pa": pressure}, np.arange(61.0))
+    history = History.from_arrays({"pressure_pa": pressure}, np.arange(61.0))
     (plain,) = follow_joint(chain, [history])
     assert plain[10] < plain[30] < plain[50]
     ((run_of_engine,), _) = built(REGISTRY.get("physics", "quasistatic")).follow(chain, [history])

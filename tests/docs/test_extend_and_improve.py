@@ -1,9 +1,9 @@
-"""docs/extend_and_improve.md shows what its first command prints and writes."""
+"""docs/extend_and_improve.md shows the output and the file of its first command."""
 
 import pytest
-from tests.docs.pages import blocks, commands, run, text_of
+from tests.docs.pages import blocks, commands, page_text, run
 
-PAGE = text_of("extend_and_improve")
+PAGE = page_text("extend_and_improve")
 
 
 @pytest.mark.slow
@@ -14,7 +14,7 @@ def test_the_first_command_prints_and_writes_what_the_page_shows(workplace):
     written = (workplace / "better.yaml").read_text(encoding="utf-8").splitlines()
     wanted = blocks(PAGE, "yaml")[0].splitlines()
     assert wanted[-1].strip() == "…" and written[1 : len(wanted) - 1] == wanted[1:-1]
-    base = "examples/hidden_effect/finger.yaml"  # behind a link here
+    base = "examples/hidden_effect/finger.yaml"  # accessed through a link here
     assert wanted[0].startswith(f"extends: {{file: {base},") and written[0].endswith(
         wanted[0].partition(base)[2]
     )

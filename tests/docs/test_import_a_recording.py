@@ -1,4 +1,4 @@
-"""The recordings on the page are read by the notes that stand below them."""
+"""The recordings on the page are read with the notes printed below them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ WHAT: dict[str, Callable[[Measurement], None]] = {
 }
 
 
-def test_every_recording_of_the_page_is_read_here() -> None:
+def test_every_recording_on_the_page_is_read_here() -> None:
     assert set(SECTIONS) == set(WHAT)
 
 

@@ -1,4 +1,4 @@
-"""The page on measurement files names every key of the notes, and words that it lists are read as it says."""
+"""The page on measurement files names every key of the notes, and the listed words are read as described."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from pliant.config.measurements import JoinedFile, MeasurementNotes, MeasurementsConfig
 from pliant.config.study import written_name
-from pliant.tabular.names import WORDS, meanings
+from pliant_tables.names import WORDS, meanings
 
 PAGE = (Path(__file__).parents[2] / "docs" / "measurement_files.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| ([^|]+) \|$", PAGE.split("### Words")[1].split("<!-- end")[0], re.M)
@@ -19,7 +19,7 @@ def test_every_key_stands_on_the_page(model):
         assert re.search(rf"\b{written_name(model, field)}\b", PAGE), field
 
 
-def test_every_key_of_the_notes_has_a_row():
+def test_every_notes_key_has_a_row():
     table = PAGE.split("| key | says | example |")[1].split("\n\n")[0]
     named = set(re.findall(r"`(\w+)`", table)) | {"conditions"}  # of counts: below
     assert {written_name(MeasurementNotes, field) for field in MeasurementNotes.model_fields} <= named

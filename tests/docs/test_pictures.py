@@ -1,4 +1,4 @@
-"""Every picture of the docs says where it comes from, and every number in the study pages comes from their JSON."""
+"""Every picture of the docs states its source, and every number in the study pages comes from their JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmarks.studies.page import DOCS, MARK, VALUE, rendered, with_noted
 
 ROOT = Path(__file__).resolve().parents[2]
 PICTURES = ROOT / "docs" / "pictures"
-# Numbers of a page's prose that are no results: what a study asks for, and what it is called.
+# Numbers in a page's prose that are not results: settings of a study and parts of names.
 STATED = re.compile(
     r"10\.1002/\S+|`[^`]*`|\[[^\]]*\]\([^)]*\)|28°|18 mm|60 mm|5 mm|0\.1 mm|10 %|2026|8 s for one"
 )
@@ -35,7 +35,7 @@ def test_every_picture_has_a_script_or_a_named_report() -> None:
 @pytest.mark.parametrize(
     ("name", "page"), [("shape_matching", shape_page), ("gripper_codesign", gripper_page)]
 )
-def test_numbers_in_the_prose_of_a_study_come_from_its_json(name: str, page: ModuleType) -> None:
+def test_numbers_in_a_study_text_come_from_its_json(name: str, page: ModuleType) -> None:
     text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     result = with_noted(name, json.loads((DOCS / f"{name}.json").read_text(encoding="utf-8")))
     tables = {mark: lambda _, body=body: body.splitlines() for mark, body in _tables(text).items()}

@@ -3,20 +3,20 @@
 import re
 
 import pytest
-from tests.docs.pages import ASK_FEW, blocks, commands, run, text_of
+from tests.docs.pages import ASK_FEW, blocks, commands, page_text, run
 
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.planned_run import BenchScale
 from pliant.testing.samples import sample_chain
 
-PAGE = text_of("plan_the_next_experiment")
+PAGE = page_text("plan_the_next_experiment")
 CONSOLE = blocks(PAGE, "console")
-# A chosen run with its minutes and its order: they come from the menu and stay the same.
+# A chosen run with its minutes and its order, which come from the menu and do not change.
 ORDER = re.compile(r"^(?:run \d+: )?(\w+) \(([\d.]+) min\): (.+)$", re.M)
 
 
 @pytest.mark.slow
-def test_after_data_it_chooses_the_runs_of_the_page(workplace) -> None:
+def test_after_data_it_chooses_the_runs_on_the_page(workplace) -> None:
     said = run(commands(PAGE)[0])
     assert set(ORDER.findall(said)) == set(ORDER.findall(CONSOLE[0])) != set()
     (file,) = workplace.glob("plan/run_*_passive_load_steps.csv")
@@ -32,13 +32,13 @@ def test_the_runs_that_were_done_decide(workplace, monkeypatch) -> None:
     assert verdict in run(commands(PAGE)[1], *ASK_FEW)
 
 
-def test_before_data_it_begins_with_the_runs_of_the_page(workplace) -> None:
+def test_before_data_it_begins_with_the_runs_on_the_page(workplace) -> None:
     chosen, shown = ORDER.findall(run(commands(PAGE)[2])), ORDER.findall(CONSOLE[2])
     assert chosen[: len(shown)] == shown != []
 
 
-def test_the_table_of_the_menu_is_the_menu() -> None:
-    runs = {run.name: run for run in timed_catalogue(BenchScale.of_chain(sample_chain(modules=1), 15e3))}
+def test_the_menu_table_is_the_menu() -> None:
+    runs = {run.name: run for run in timed_catalogue(BenchScale.from_chain(sample_chain(modules=1), 15e3))}
     told = {}
     for names, minutes in re.findall(r"^\| (`\w+`.*?) \| .* \| ([\d., ]+) \|$", PAGE, re.M):
         given = re.findall(r"[\d.]+", minutes)

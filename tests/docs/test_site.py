@@ -10,7 +10,7 @@ import sys
 from types import ModuleType
 
 import pytest
-from tests.docs.pages import DOCS, ROOT, text_of
+from tests.docs.pages import DOCS, ROOT, page_text
 
 from pliant.cli.verbs import VERBS
 
@@ -22,7 +22,7 @@ PAGES = sorted(
 
 
 def part(name: str) -> ModuleType:
-    """A file of docs/site."""
+    """Load a file of docs/site."""
     spec = importlib.util.spec_from_file_location(f"site_{name}", DOCS / "site" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -49,7 +49,7 @@ def test_a_page_that_is_listed_twice_is_named(tmp_path):
 
 
 def anchors(text: str) -> set[str]:
-    """The names of a page's headings, as GitHub and the site make them."""
+    """Return the anchors of a page's headings, as GitHub and the site generate them."""
     headings = re.findall(r"^#+ (.*)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -62,14 +62,14 @@ def test_links_to_headings_lead_to_one(page):
         assert anchor in anchors(there.read_text(encoding="utf-8")), f"{target}#{anchor}"
 
 
-def test_the_table_of_commands_has_every_verb_and_its_examples_name_files_that_are_there():
-    rows = re.findall(r"^\| \[.*\]\(.*\) \| `pliant (.*)` \|$", text_of("which_command"), re.M)
+def test_the_command_table_has_every_verb_and_its_examples_name_existing_files():
+    rows = re.findall(r"^\| \[.*\]\(.*\) \| `pliant (.*)` \|$", page_text("which_command"), re.M)
     assert {row.split()[0] for row in rows} == set(VERBS)
     named = [word for row in rows for word in shlex.split(row) if word.startswith("examples/")]
     assert [name for name in named if not (ROOT / name).is_file()] == []
 
 
-def test_every_picture_of_the_gallery_has_a_caption():
+def test_every_gallery_picture_has_a_caption():
     gallery = part("gallery")
     folder = DOCS / "pictures"
     rows = gallery.rows((folder / "README.md").read_text(encoding="utf-8"), folder)

@@ -1,17 +1,17 @@
-"""The plugin and the study of write_an_optimizer.md, typed in as they stand."""
+"""The plugin and the study of write_an_optimizer.md, copied unchanged."""
 
 import json
 import math
 
 import numpy as np
 import pytest
-from tests.docs.pages import blocks, commands, run, text_of
+from tests.docs.pages import blocks, commands, page_text, run
 
-from pliant.interfaces.optimizer import Space, Variable
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
+from pliant_search.optimizer import Space, Variable
 
-PAGE = text_of("write_an_optimizer")
+PAGE = page_text("write_an_optimizer")
 PLANE = (
     Variable("a", "real", -1.0, 2.0),
     Variable("n", "integer", 0, 40),
@@ -28,7 +28,7 @@ def component(workplace):
 
 
 def searched(component, batches, start=None, violation=lambda v: 0.0, **keys):
-    """The best allowed score of a search for a hill's foot, and all values asked."""
+    """Return the best allowed score of a search for the foot of a hill, and all values tried."""
     optimizer = component.build(component.config_model().model_validate({"kind": "evolution", **keys}))
     optimizer.start(Space(PLANE, start=start) if start else Space(PLANE), 0)
     best, asked = math.inf, []
@@ -55,14 +55,14 @@ def test_it_searches_a_mixed_space_from_where_the_study_stands(component):
     assert max(abs(values["a"] - 1.9) for values in asked) < 0.2
 
 
-def test_it_finds_its_way_out_of_what_is_forbidden(component):
+def test_it_leaves_a_forbidden_region(component):
     best, asked = searched(component, 40, violation=lambda v: max(0.0, 0.9 - v["a"]))
     assert min(values["a"] for values in asked) < 0.9
     assert best == pytest.approx(0.2**2, abs=5e-3)
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_page(component, workplace):
+def test_the_commands_on_the_page(component, workplace):
     (workplace / "reach.yaml").write_text(blocks(PAGE, "yaml")[0], encoding="utf-8")
     check, optimize = commands(PAGE)
     assert "0 failed" in run(check)
@@ -70,7 +70,7 @@ def test_the_commands_of_the_page(component, workplace):
     told = json.loads(said[said.index("{") :])
     assert f"tip_x {1e3 * told['objective']:.2f} mm" in PAGE
     assert f"{1e-3 * told['best']['values']['task.pressure']:.4g} kPa" in PAGE
-    # tip_x of n equal joints is l Σ sin(k u), largest where the pressure's u makes it so
+    # tip_x of n equal joints is l Σ sin(k u), largest at the u of the optimal pressure
     u = np.linspace(0.01, 0.36, 3501)
     reach = 11e-3 * sum(np.sin(np.outer(u, np.arange(1, 10))).T) + 5.5e-3 * np.sin(10 * u)
     assert told["objective"] == pytest.approx(reach.max(), rel=1e-5)

@@ -1,4 +1,4 @@
-"""docs/your_cad_file.md is true: its script is the example's, its mesh is solved, its sentences are said."""
+"""docs/your_cad_file.md is correct: its script is the example's, its mesh is solved, its sentences are printed."""
 
 import re
 import runpy
@@ -7,14 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.docs.pages import ROOT, blocks, run, text_of
+from tests.docs.pages import ROOT, blocks, page_text, run
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
 from pliant_plugins.families.mesh_file.family import MeshFile
 
-PAGE = text_of("your_cad_file")
+PAGE = page_text("your_cad_file")
 CODE = blocks(PAGE, "python")[0]
 STUDY = blocks(PAGE, "yaml")[0]
 
@@ -24,7 +24,7 @@ def plain(text: str) -> str:
 
 
 def meshed(folder: Path, monkeypatch: pytest.MonkeyPatch, change: tuple[str, str] = ("", "")) -> MeshFile:
-    """The page's mesh, made by the example's script, as the page's study reads it."""
+    """Return the page's mesh, made by the example's script, as the page's study reads it."""
     pytest.importorskip("netgen.occ", reason="the extra pliant[ngsolve]")
     script = folder / "mesh.py"
     script.write_text((ROOT / "examples/cad_file/mesh.py").read_text("utf-8").replace(*change))
@@ -45,7 +45,7 @@ def test_the_page_shows_the_example() -> None:
     assert re.search(r"largest=[\d.]+", CODE)[0] in script
 
 
-def test_the_mesh_of_the_page_is_a_module(tmp_path, monkeypatch) -> None:
+def test_the_mesh_on_the_page_is_a_module(tmp_path, monkeypatch) -> None:
     family = meshed(tmp_path, monkeypatch)
     assert family.module_length_m == pytest.approx(12e-3)
     # half a cell, half its width, twice: the box, the block between cells, less chamber and channel
@@ -57,7 +57,7 @@ def test_the_mesh_of_the_page_is_a_module(tmp_path, monkeypatch) -> None:
 def test_a_forgotten_floor_and_a_forgotten_unit_are_said(tmp_path, monkeypatch) -> None:
     with pytest.raises(UserError) as leak:
         meshed(tmp_path, monkeypatch, (" or floor", "")).problem()
-    # how many, and where first, is Netgen's choice
+    # the number and the first position are chosen by Netgen
     words, places = (re.sub(r"[\d.]+", "#", text) for text in str(leak.value).split(" the first at "))
     assert words in re.sub(r"[\d.]+", "#", plain(PAGE))
     assert re.search(r", 2\)", str(leak.value)), places
@@ -68,8 +68,8 @@ def test_a_forgotten_floor_and_a_forgotten_unit_are_said(tmp_path, monkeypatch) 
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_page_run(workplace, monkeypatch) -> None:
-    """A copy of the example, in fewer states than the page's study asks for."""
+def test_the_commands_on_the_page_run(workplace, monkeypatch) -> None:
+    """The commands run on a copy of the example, with fewer states than in the page's study."""
     pytest.importorskip("netgen.occ", reason="the extra pliant[ngsolve]")
     folder = workplace / "cad"
     folder.mkdir()

@@ -1,4 +1,4 @@
-"""What tests of effects share: an effect by its kind, on a model or a chain, and what engines make of it."""
+"""Helpers of the tests of effects: an effect by its kind, on a model or a chain, and the motion in engines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_GRAVITY = (0, 0, 0)
 
 
 def effect(kind: str, **values: Any) -> Effect:
-    """An effect with these parameters, the others at their defaults."""
+    """Return an effect with these parameters and the others at their defaults."""
     component = REGISTRY.get("effect", kind)
     made: Effect = component.build(component.config_model().model_validate({"kind": kind, **values}))
     return made
@@ -35,7 +35,7 @@ def chain_with(plain: ChainModel, kind: str, **values: Any) -> ChainModel:
 
 
 def engine(kind: str = "quasistatic", **options: Any) -> PhysicsBackend:
-    """An engine by its kind; skips the test where its package is not installed."""
+    """Return an engine by its kind; skip the test where its package is not installed."""
     component = REGISTRY.get("physics", kind)
     if component.missing():
         pytest.skip(f"{kind} is not installed")
@@ -47,7 +47,7 @@ ENGINE = engine()
 
 
 def followed(chain: ChainModel, *histories: History, by: PhysicsBackend = ENGINE) -> list[Array]:
-    """(t, n) main angles of the joints along each history, all converged."""
+    """Return (t, n) main angles of the joints along each history, all converged."""
     runs, _ = by.follow(chain, histories)
     assert all(run.converged.all() for run in runs)
     return [run.joint_angles[:, :, 0] for run in runs]
@@ -60,7 +60,7 @@ def settled(chain: ChainModel, kind: str = "quasistatic", pressure: float = 9e3,
 
 
 def stepped(chain: ChainModel, history: History, step_s: float) -> Array:
-    """(t, n, a) joint coordinates by `settle` and `step`: Newton in all joints at once, another implementation."""
+    """Return (t, n, a) joint coordinates by `settle` and `step`: Newton in all joints, another implementation."""
     positions = []
     with ENGINE.build(chain) as simulation:
         for k in range(len(history)):

@@ -22,8 +22,8 @@ def read(angle: Array, width: float = WIDTH) -> Array:
     return said
 
 
-def test_a_triangle_gives_a_loop_of_the_width_with_plateaus_at_the_ends() -> None:
-    """Closed form after the first turn: q − w/2 rising, q + w/2 falling, held for the clearance at a reversal."""
+def test_a_triangle_gives_a_loop_with_the_full_width_and_plateaus_at_the_ends() -> None:
+    """Closed form after the first turn: q − w/2 rising, q + w/2 falling, constant over the clearance at a reversal."""
     up = np.linspace(0.0, 0.6, 61)
     q = np.concatenate([up, up[-2::-1], up[1:], up[-2::-1]])
     y = read(q)
@@ -52,7 +52,7 @@ def test_it_shifts_with_the_angle_and_turns_over_with_it(angle: Array, shift: fl
 
 @given(paths)
 def test_it_does_not_count_samples_or_ask_for_the_rate(angle: Array) -> None:
-    """Samples between, on the straight lines, change nothing: the play operator is rate-independent."""
+    """Additional samples on the straight lines change nothing: the play operator is rate-independent."""
     t = np.arange(len(angle), dtype=float)
     fine = np.arange(0.0, len(angle) - 1 + 1e-9, 0.25)
     np.testing.assert_allclose(read(np.interp(fine, t, angle))[::4], read(angle), atol=1e-14)

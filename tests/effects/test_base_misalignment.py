@@ -21,12 +21,12 @@ def tilted(chain: ChainModel, pitch: float = PITCH, roll: float = ROLL) -> Chain
     return chain_with(chain, "base_misalignment", pitch_rad=pitch, roll_rad=roll)
 
 
-def test_the_tip_of_a_straight_chain_moves_by_its_length_times_the_tilt() -> None:
+def test_a_straight_chain_tip_moves_by_its_length_times_the_tilt() -> None:
     chain = sample_chain(modules=N)
     length, straight = chain.length_m, np.zeros((N, 1))
-    moved = ChainGeometry.of(tilted(chain, roll=0.0)).markers(straight)[-1]
+    moved = ChainGeometry.from_chain(tilted(chain, roll=0.0)).markers(straight)[-1]
     np.testing.assert_allclose(moved, length * np.array([-np.sin(PITCH), 0.0, -np.cos(PITCH)]), atol=1e-15)
-    moved = ChainGeometry.of(tilted(chain, pitch=0.0)).markers(straight)[-1]
+    moved = ChainGeometry.from_chain(tilted(chain, pitch=0.0)).markers(straight)[-1]
     np.testing.assert_allclose(moved, length * np.array([0.0, np.sin(ROLL), -np.cos(ROLL)]), atol=1e-15)
 
 
@@ -36,7 +36,7 @@ def test_all_positions_turn_about_the_base_and_the_bench_turns_them_on() -> None
     turns = np.random.default_rng(3).normal(size=(5, 3))
 
     def markers(body: ChainModel, angles: Array) -> Array:
-        geometry = ChainGeometry.of(body)
+        geometry = ChainGeometry.from_chain(body)
         return trajectory(geometry, q, base_rotations(geometry.base_rotation, angles)) - [0.1, 0.2, 0.3]
 
     tilt = exp_map(np.array([ROLL, PITCH, 0.0]))
@@ -47,21 +47,21 @@ def test_all_positions_turn_about_the_base_and_the_bench_turns_them_on() -> None
     np.testing.assert_allclose(markers(tilted(chain), turns), wanted, atol=1e-14)
 
 
-def test_without_gravity_angles_do_not_know_of_it() -> None:
+def test_without_gravity_angles_do_not_know_about_it() -> None:
     chain = sample_chain(linear_law(), modules=N, gravity=(0, 0, 0))
-    history = History.of({"pressure_pa": np.linspace(0.0, 9e3, 6)})
+    history = History.from_arrays({"pressure_pa": np.linspace(0.0, 9e3, 6)})
     np.testing.assert_array_equal(followed(tilted(chain), history), followed(chain, history))
 
 
-def test_under_gravity_a_tilt_is_a_pitch_of_the_bench() -> None:
-    """About one axis the two turns add; angles of a hanging chain are those at the other pitch."""
+def test_under_gravity_a_tilt_is_a_bench_pitch() -> None:
+    """The two turns about one axis add; a hanging chain has the angles of the other pitch."""
     chain = sample_chain(linear_law(8e-7, 2e-3), modules=N, payload=0.003)
     pitches = np.linspace(-1.0, 1.0, 9)
 
     def run(offset: float) -> History:
         turns = np.zeros((9, 3))
         turns[:, 1] = pitches + offset
-        return History.of({"pressure_pa": np.full(9, 4e3)}, base_angles_rad=turns)
+        return History.from_arrays({"pressure_pa": np.full(9, 4e3)}, base_angles_rad=turns)
 
     (with_tilt,) = followed(tilted(chain, roll=0.0), run(0.0))
     np.testing.assert_allclose(with_tilt, followed(chain, run(PITCH))[0], atol=1e-10)
@@ -71,7 +71,7 @@ def test_under_gravity_a_tilt_is_a_pitch_of_the_bench() -> None:
 def test_one_hanging_joint_bends_by_its_weight_times_the_tilt() -> None:
     """k u = m g a sin(θ − u) for a mass m at a beyond the joint, to the engine's tolerance."""
     chain = sample_chain(linear_law(0.0, STIFFNESS), modules=1, payload=0.05)
-    angle = float(followed(tilted(chain, roll=0.0), History.of({"pressure_pa": 0.0}))[0][0, 0])
+    angle = float(followed(tilted(chain, roll=0.0), History.from_arrays({"pressure_pa": 0.0}))[0][0, 0])
     body = chain.bodies[1]
     lever = 9.81 * (body.mass_kg * body.com_m[0] + 0.05 * chain.tip_offset_m[0])
     # A positive pitch tilts the chain away from the side to which it bends.

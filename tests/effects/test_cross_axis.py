@@ -29,7 +29,7 @@ def turned(chain: ChainModel, turn: float = TURN) -> ChainModel:
 
 
 def in_base(chain: ChainModel, points: Array) -> Array:
-    geometry = ChainGeometry.of(chain)
+    geometry = ChainGeometry.from_chain(chain)
     return (points - geometry.base_position) @ geometry.base_rotation
 
 
@@ -43,7 +43,7 @@ def test_without_gravity_equal_joints_are_turned_as_a_whole(law: Any) -> None:
     np.testing.assert_allclose(in_base(chain, crossed.markers_m), wanted, atol=1e-10)
 
 
-def test_out_of_plane_goes_with_the_sine_and_shortening_with_the_square() -> None:
+def test_out_from_the_plane_goes_with_the_sine_and_shortening_with_the_square() -> None:
     chain = sample_chain(modules=5, gravity=NO_GRAVITY)
     bend = in_base(chain, settled(chain).markers_m)[-1, 2]
     for turn in (0.05, 0.1, -0.2):
@@ -52,8 +52,8 @@ def test_out_of_plane_goes_with_the_sine_and_shortening_with_the_square() -> Non
         assert tip[2] == pytest.approx(bend * np.cos(turn), rel=1e-8)
 
 
-def test_any_pose_is_the_one_of_joints_about_turned_axes() -> None:
-    """Against the definition, body by body, in a chain with turned segments and a joint off the centre line."""
+def test_any_pose_equals_that_from_joints_about_turned_axes() -> None:
+    """Compared with the definition, body by body, in a chain with turned segments and a joint off the centre line."""
     chain = sample_chain(modules=3, turns_rad=(0.0, 0.7))
     q = np.random.default_rng(1).normal(size=(chain.n_joints, 1)) / 2
     rotation, position = chain.base_rotation, np.array(chain.base_position_m, float)
@@ -65,8 +65,8 @@ def test_any_pose_is_the_one_of_joints_about_turned_axes() -> None:
         markers.append(position)
     markers.append(position + rotation @ chain.tip_offset_m)
     crossed = turned(chain)
-    pose = ChainGeometry.of(crossed).forward(q)
-    np.testing.assert_allclose(ChainGeometry.of(crossed).markers(q), markers, atol=1e-15)
+    pose = ChainGeometry.from_chain(crossed).forward(q)
+    np.testing.assert_allclose(ChainGeometry.from_chain(crossed).markers(q), markers, atol=1e-15)
     np.testing.assert_allclose(log_map(rotation.T @ pose.rotations[-1] @ ABOUT_X.T), 0.0, atol=1e-14)
 
 
@@ -77,7 +77,10 @@ def test_masses_shapes_and_centre_line_stay_where_they_are() -> None:
     crossed = turned(chain)
     still = np.zeros((chain.n_joints, 1))
     assert len(chain.shapes) == 5
-    here, there = ChainGeometry.of(chain).forward(still), ChainGeometry.of(crossed).forward(still)
+    here, there = (
+        ChainGeometry.from_chain(chain).forward(still),
+        ChainGeometry.from_chain(crossed).forward(still),
+    )
     for i, (a, b) in enumerate(zip(chain.bodies, crossed.bodies, strict=True)):
         at, now = here.rotations[i], there.rotations[i]
         np.testing.assert_allclose(now @ b.com_m, at @ a.com_m, atol=1e-16)

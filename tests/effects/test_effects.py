@@ -1,4 +1,4 @@
-"""What all effects share, and those at inputs, chain and outputs: what they change, leave alone, and compose."""
+"""Properties of all effects, and effects at inputs, chain and outputs: changed and unchanged parts, composition."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ from pliant_plugins.manifest import pliant_components
 SHIPPED = [c for c in pliant_components() if c.interface == "effect"]
 TENDON_LAW = replace(linear_law(), actuation_name="tendon_force_n")
 ALL = pytest.mark.parametrize("component", SHIPPED, ids=[c.kind for c in SHIPPED])
-# The kinds of docs/reference/effects.md, two that chains need beside them, and four mistakes of the record.
+# The kinds of docs/reference/effects.md, two that only chains show, and five mistakes of the record.
 NAMES = """
     stiffness wall_thickness bimodulus actuation_gain pressure_offset dead_zone leak supply_lag viscous_damping
     viscoelastic friction_hysteresis mullins permanent_set tendon_friction backlash gravity_scale base_misalignment
     inter_module_compliance cross_axis self_contact thermal_softening sensor_bias sensor_scale sensor_lag inertia
-    end_restraint link_stretch payload_error load_error clock_offset clock_drift learned
+    end_restraint link_stretch payload_error load_error clock_offset clock_drift
+    gravity_error tendon_slack unequal_actuators learned
 """
 KINDS = set(NAMES.split())
 
@@ -42,10 +43,15 @@ def example(component: Component) -> Effect:
 
 
 def suited(component: Component, modules: int = 3) -> Model:
-    """A chain that takes the input that the effect needs."""
+    """Return a chain that takes the input, or the three inputs, that the effect needs."""
     law = softening_law()
     needed = type(example(component)).actuation or law.actuation_name
-    return Model(sample_chain(replace(law, actuation_name=needed), modules=modules))
+    chain = sample_chain(replace(law, actuation_name=needed), modules=modules)
+    if component.kind == "unequal_actuators":
+        chain = chain.with_(
+            actuators=(Actuator("pressure_1_pa"), Actuator("pressure_2_pa", -1.0), Actuator("pressure_3_pa"))
+        )
+    return Model(chain)
 
 
 def model(*inputs: str) -> Model:
@@ -54,14 +60,14 @@ def model(*inputs: str) -> Model:
     return Model(chain.with_(actuators=actuators))
 
 
-def test_the_kinds_of_the_contract_ship() -> None:
+def test_the_kinds_in_the_contract_ship() -> None:
     assert {c.kind for c in SHIPPED} == KINDS
     assert {type(example(c)).notes.look_alike for c in SHIPPED if type(example(c)).fitted} <= KINDS
 
 
 @ALL
 def test_each_effect_has_a_plain_name_and_a_thing_to_look_at_on_the_bench(component: Component) -> None:
-    """The name reads as what happens ("the supply answers late"), the look as one order of one sentence."""
+    """The name describes the observation ("the supply answers late"), the inspection is one imperative sentence."""
     name, look = component.summary, type(example(component)).notes.on_the_bench
     assert name[0].islower() and not name.endswith(".") and len(name) <= 60
     assert component.kind not in name and " " in name
@@ -95,7 +101,7 @@ def test_a_parameter_that_cannot_be_is_refused_where_it_is_declared(
             value: float = parameter(**given)
 
 
-def test_a_parameter_has_the_unit_of_its_type() -> None:
+def test_a_parameter_has_its_type_unit() -> None:
     class Declared(EffectConfig):
         gap_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 2.0), plausible=(0.2, 0.8), description="a gap")
 
@@ -118,7 +124,7 @@ def test_a_model_with_the_effect_travels_to_another_process(component: Component
 
 
 def test_no_two_effects_mistake_each_other_without_a_way_out() -> None:
-    """Following the look-alikes never leads to a kind that has no notes."""
+    """Following the look-alikes never leads to a kind without notes."""
     notes = {c.kind: type(example(c)).notes for c in SHIPPED}
     fitted = [c.kind for c in SHIPPED if type(example(c)).fitted]
     assert all(notes[notes[kind].look_alike].told_apart for kind in fitted)
@@ -192,7 +198,9 @@ def acting(effects: list[Effect], time_s: Any = None, **commanded: Any) -> dict[
     changed = model(*commanded)
     for one in effects:
         changed = one.apply(changed)
-    reached = changed.commanded(History.of(commanded, time_s, tip_force_n=[1.0, 0, 0], moment_n_m=0.25))
+    reached = changed.commanded(
+        History.from_arrays(commanded, time_s, tip_force_n=[1.0, 0, 0], moment_n_m=0.25)
+    )
     assert (reached.tip_force_n[0].tolist(), reached.moment_n_m[0]) == ([1.0, 0, 0], 0.25)
     return {name: values.tolist() for name, values in reached.actuation.items()}
 
@@ -214,7 +222,7 @@ def test_a_dead_zone_swallows_the_threshold_on_either_side() -> None:
     assert acting([DEAD], pressure_pa=pressures)["pressure_pa"] == [-2e3, 0, 0, 0, 0, 0, 2e3]
 
 
-def test_effects_act_in_the_order_of_the_study() -> None:
+def test_effects_act_in_study_order() -> None:
     assert acting([GAIN, OFFSET], pressure_pa=8e3) == {"pressure_pa": [4400.0]}
     assert acting([OFFSET, GAIN], pressure_pa=8e3) == {"pressure_pa": [4200.0]}
     assert acting([DEAD, GAIN], pressure_pa=8e3) == {"pressure_pa": [3500.0]}
@@ -222,7 +230,7 @@ def test_effects_act_in_the_order_of_the_study() -> None:
 
 
 def lag(time_s: float, second_ratio: float = 1.0) -> Effect:
-    """With the ratio 1 two equal stages in a row, whose closed forms are short."""
+    """Return a supply lag; with the ratio 1 it has two equal stages in series, whose closed forms are short."""
     return effect("supply_lag", time_s=time_s, second_ratio=second_ratio)
 
 
@@ -235,7 +243,7 @@ def lag(time_s: float, second_ratio: float = 1.0) -> Effect:
 def test_after_a_change_the_rest_decays_as_its_exponentials_at_any_step(
     steps: list[float], first_s: float, ratio: float, level: float
 ) -> None:
-    """p_c: 0 → level at once, then held: 1 − (T e^(−t/T) − T₂ e^(−t/T₂)) / (T − T₂)."""
+    """p_c: 0 → level at once, then constant: 1 − (T e^(−t/T) − T₂ e^(−t/T₂)) / (T − T₂)."""
     t = np.cumsum([0.0, 0.0, *steps])
     pressure = np.where(np.arange(len(t)) > 0, level, 0.0)
     reached = np.array(acting([lag(first_s, ratio)], t, pressure_pa=pressure)["pressure_pa"])
@@ -303,25 +311,25 @@ def test_a_sensor_changes_each_reported_angle_once_and_no_position(
     assert sensor.reported({"tip_x_m": 0.05}) == {"tip_x_m": 0.05}
 
 
-def test_scale_and_bias_act_in_the_order_of_the_study() -> None:
+def test_scale_and_bias_act_in_study_order() -> None:
     bias, scale = effect("sensor_bias", bias_rad=0.1), effect("sensor_scale", excess=0.5)
     assert scale.apply(bias.apply(model())).reported({"angle_rad": 0.2})["angle_rad"] == pytest.approx(0.45)
     assert bias.apply(scale.apply(model())).reported({"angle_rad": 0.2})["angle_rad"] == pytest.approx(0.4)
 
 
-# -- weights beside the axis -----------------------------------------------------------------------
+# -- eccentric weights ---------------------------------------------------------------------------------
 
 ASIDE = 0.02
 
 
 def hanging(pitch_rad: float, **values: float) -> np.ndarray:
     chain = chain_with(sample_chain(modules=1), "gravity_scale", **values)
-    history = History.of({"pressure_pa": 0.0}, base_angles_rad=[[0.0, pitch_rad, 0.0]])
+    history = History.from_arrays({"pressure_pa": 0.0}, base_angles_rad=[[0.0, pitch_rad, 0.0]])
     return followed(chain, history)[0][:, 0]
 
 
 def moment(u: float) -> float:
-    """What the joint's law carries at an angle."""
+    """Return the effort of the joint's law at an angle."""
     law = sample_chain(modules=1).laws[0]
     return float(law.evaluate(np.zeros(1), np.array([[u]])).tau[0, 0])
 
@@ -331,7 +339,7 @@ def test_a_weight_beside_the_axis_turns_a_hanging_joint_by_its_moment() -> None:
     body = chain.bodies[1]
     u = float(hanging(0.0, aside=ASIDE)[0])
     weight, side, arm = body.mass_kg * 9.81, ASIDE * chain.length_m, float(body.com_m[0])
-    # hanging straight down the piece swings until its law carries side and arm
+    # the piece, hanging straight down, turns until its law carries side and arm
     carried = weight * abs(side * np.cos(u) - arm * abs(np.sin(u)))
     assert abs(moment(u)) == pytest.approx(carried, abs=2e-9)  # the solver's tolerance is 1e-9 N·m
     assert float(hanging(0.0)[0]) == pytest.approx(0.0, abs=1e-9)
@@ -354,13 +362,13 @@ MOVED = sample_chain(modules=3).with_(base_position_m=BASE)
 
 
 def stretched(per_mpa: float, pressure_pa: float) -> dict[str, float]:
-    tip = ChainGeometry.of(MOVED).markers(BENT_RAD)[-1]
+    tip = ChainGeometry.from_chain(MOVED).markers(BENT_RAD)[-1]
     readings = {f"tip_{axis}_m": float(tip[k]) for k, axis in enumerate("xyz")}
     readings |= {"angle_rad": 0.4, "actuation": pressure_pa}
     return dict(model_with(MOVED, "link_stretch", strain_per_mpa=per_mpa).reported(readings))
 
 
-def test_positions_are_those_of_a_chain_with_longer_pieces() -> None:
+def test_positions_equal_a_chain_with_longer_pieces() -> None:
     strain = 2.0 * 15e3 / 1e6
     longer = MOVED.with_(
         joints=tuple(
@@ -369,7 +377,7 @@ def test_positions_are_those_of_a_chain_with_longer_pieces() -> None:
         ),
         tip_offset_m=(1 + strain) * MOVED.tip_offset_m,
     )
-    tip = ChainGeometry.of(longer).markers(BENT_RAD)[-1]
+    tip = ChainGeometry.from_chain(longer).markers(BENT_RAD)[-1]
     found = stretched(2.0, 15e3)
     np.testing.assert_allclose([found[f"tip_{axis}_m"] for axis in "xyz"], tip, rtol=1e-12)
     assert found["angle_rad"] == 0.4

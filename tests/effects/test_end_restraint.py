@@ -1,4 +1,4 @@
-"""Ends that are held round: closed forms, energy, and the loop on a body that direct FEM solved."""
+"""Ends that are kept round: closed forms, energy, and the loop on a body that direct FEM solved."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_under_a_moment_a_give_adds_its_own_turn() -> None:
     np.testing.assert_allclose(plain - changed, [0.0, 0.0, 0.0, give], atol=1e-9)
 
 
-def test_a_short_law_has_the_energy_of_its_share() -> None:
+def test_a_short_law_has_the_energy_for_its_share() -> None:
     law = PLAIN.laws[0]
     short = ShortLaw(law, 0.6)
     p, u = STATES
@@ -50,7 +50,7 @@ def test_a_short_law_has_the_energy_of_its_share() -> None:
     np.testing.assert_allclose(short.domain.deformation, 0.6 * law.domain.deformation)
 
 
-def test_only_the_ends_get_laws_of_their_own() -> None:
+def test_only_the_ends_get_separate_laws() -> None:
     chain = restrained(base_share=0.9, cap_share=0.6)
     assert [chain.laws[joint.law] is PLAIN.laws[0] for joint in chain.joints] == [False, True, True, False]
     assert restrained() is not PLAIN and restrained().laws == PLAIN.laws
@@ -80,7 +80,7 @@ def test_the_loop_finds_the_ends_and_predicts_bodies_and_forces_it_has_not_seen(
         assert fall >= 3.0, f"{name}: {fall:.1f}"
 
 
-def test_a_recording_of_another_number_of_modules_is_refused_in_a_sentence(tmp_path: Path) -> None:
+def test_a_recording_with_another_module_count_is_refused_in_a_sentence(tmp_path: Path) -> None:
     opened = api.open_study(run.STUDY, ["chain.modules=1"], store=tmp_path)
     with pytest.raises(UserError, match="two joints or more"):
         api.extend(opened, ["end_restraint"])

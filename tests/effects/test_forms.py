@@ -1,4 +1,4 @@
-"""Forms bend an equation into a relative of it whose closed form is known; the plain form is the neutral one."""
+"""Forms of an equation against the closed forms that they have; the plain form is the neutral one."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_stiffness_that_changes_with_the_angle() -> None:
 
 
 def test_several_relaxation_times_are_three_branches() -> None:
-    """After a jump of the angle in no time the surplus fades as the mean of three exponentials."""
+    """After an instantaneous jump of the angle the excess decays as the mean of three exponentials."""
     branch = term("viscoelastic", share=0.3, time_s=10.0, spread=4.0)
     memory = [1.0, 1.0, 1.0]
     stiffness = -value(term("viscoelastic", share=0.3, time_s=10.0), dt=1e-9, old=memory)
@@ -92,10 +92,10 @@ def test_several_relaxation_times_are_three_branches() -> None:
         assert value(branch, dt=t, old=memory) == pytest.approx(-stiffness * faded)
 
 
-def test_friction_of_several_surfaces_has_the_plain_limit_and_grows_with_the_rate() -> None:
+def test_friction_with_several_surfaces_has_the_plain_limit_and_grows_with_the_rate() -> None:
     given = {"half_width_rad": 0.03, "break_away_rad": 0.01}
     plain, spread = term("friction_hysteresis", **given), term("friction_hysteresis", **given, spread=0.5)
-    assert value(spread, 1.0) == pytest.approx(value(plain, 1.0))  # all have slipped
+    assert value(spread, 1.0) == pytest.approx(value(plain, 1.0))  # all elements have slipped
     assert abs(value(spread, 0.01)) < abs(value(plain, 0.01))  # δ/2 and δ slip, 2.5 δ does not
     assert value(spread, 0.01) == pytest.approx(value(plain, 1.0) * (1.0 + 1.0 + 1.0 / 2.5) / 3.0)
     fast = value(term("friction_hysteresis", **given, rate_power=0.2), 1.0, rate=8.0 * TYPICAL_RAD_S)
@@ -115,7 +115,7 @@ def test_softening_and_temperature_with_a_curvature() -> None:
 def pressed(
     kind: str, pressure: np.ndarray, clock: np.ndarray | None = None, valve: Any = None, **values: Any
 ) -> np.ndarray:
-    history = History.of({"pressure_pa": pressure}, clock, valve_open=valve)
+    history = History.from_arrays({"pressure_pa": pressure}, clock, valve_open=valve)
     return applied(kind, **values).commanded(history).actuation["pressure_pa"]
 
 
@@ -134,7 +134,7 @@ def test_changes_that_fade_with_the_pressure_and_a_rounded_threshold() -> None:
 
 
 def test_an_orifice_empties_along_a_parabola() -> None:
-    """With n = 1/2 the root of the difference falls as a straight line, and all of it is there after 2 T."""
+    """With n = 1/2 the root of the difference falls linearly, and the pressure is reached after 2 T."""
     time_s = np.concatenate([[0.0, 1e-9], np.linspace(0.01, 1.5, 150)])
     step = np.where(time_s > 0.0, FULL, 0.0)
     left = 1.0 - pressed("supply_lag", step, time_s, time_s=0.5, second_ratio=0.01, power=0.5) / FULL
@@ -161,7 +161,7 @@ def read(kind: str, angle: np.ndarray, clock: np.ndarray | None = None, **values
     return np.asarray(applied(kind, **values).reported({"angle_rad": angle, **when})["angle_rad"])
 
 
-def test_forms_of_sensors() -> None:
+def test_sensor_forms() -> None:
     u = np.linspace(-0.5, 0.5, 11)
     assert np.allclose(
         read("sensor_scale", u, excess=0.1, curvature_per_rad=0.6), u * (1.0 + 0.1 * (1.0 + 0.6 * np.abs(u)))
@@ -176,4 +176,4 @@ def test_forms_of_sensors() -> None:
     plain, parts = (read("backlash", swing, time_s[:100], play_rad=0.2, spread=s) for s in (0.0, 0.5))
     assert (
         parts[49] == pytest.approx(plain[49]) and parts[55] < plain[55]
-    )  # one of the parts has let go already
+    )  # one of the elements has slipped already

@@ -1,4 +1,4 @@
-"""Five effects hidden in runs of the menu that they call exciting: their numbers come back, and they are named."""
+"""Five effects hidden in the runs of the menu that excite them: their parameters are recovered and they are named."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import REGISTRY, SIGMA, P, effect, fitter_of, measured, predictor_of
+from tests.diagnosis.quick import REGISTRY, SIGMA, P, effect, make_fitter, make_predictor, measured
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.diagnosis import diagnose
@@ -36,9 +36,9 @@ def chain_for(kind: str) -> ChainModel:
 
 
 def bench(kind: str, seed: int) -> Predictor:
-    """Two specimens through plain runs and those that excite the effect, read with coloured noise."""
+    """Return readings with coloured noise of two specimens in plain runs and in runs that excite the effect."""
     chain = chain_for(kind)
-    runs = {run.name: run.history for run in timed_catalogue(BenchScale.of_chain(chain, P))}
+    runs = {run.name: run.history for run in timed_catalogue(BenchScale.from_chain(chain, P))}
     names = dict.fromkeys((*PLAIN_RUNS, *REGISTRY.get("effect", kind).implementation_class().exciting))
     histories = [
         runs[name].with_(run=f"{name} {body}", specimen=body)
@@ -46,13 +46,13 @@ def bench(kind: str, seed: int) -> Predictor:
         for name in names
         if name in runs
     ]
-    return predictor_of(chain, measured(chain, histories, effect(kind, **HIDDEN[kind][0]), seed=seed))
+    return make_predictor(chain, measured(chain, histories, effect(kind, **HIDDEN[kind][0]), seed=seed))
 
 
 @pytest.mark.parametrize("kind", HIDDEN)
 def test_its_numbers_come_back(kind: str) -> None:
-    """Within six of the standard deviations that white noise would have: this noise is coloured (φ = 0.6)."""
-    fit = fitter_of(bench(kind, 3), SIGMA).fit(EffectSet.of(REGISTRY, (kind,)))
+    """The error is below six standard deviations for white noise; this noise is coloured (φ = 0.6)."""
+    fit = make_fitter(bench(kind, 3), SIGMA).fit(EffectSet.from_kinds(REGISTRY, (kind,)))
     spread = np.sqrt(np.diag(np.linalg.inv(fit.slopes.T @ fit.slopes)))
     truth = np.array(
         [parameter.x(HIDDEN[kind][0][parameter.declared.name]) for parameter in fit.candidate.parameters]
@@ -64,6 +64,6 @@ def test_its_numbers_come_back(kind: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", HIDDEN)
 def test_it_is_named(kind: str) -> None:
-    """Against all kinds that ship, pairs of them and nothing."""
+    """The candidates are all shipped kinds, pairs of them and no effect."""
     found = diagnose(bench(kind, 4))
     assert (found.verdict, found.selected) == ("missing_effect", (kind,))

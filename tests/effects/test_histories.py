@@ -34,7 +34,7 @@ MEMORY: tuple[tuple[str, dict[str, float]], ...] = (
 )
 
 
-def chain_of(modules: int) -> ChainModel:
+def make_chain(modules: int) -> ChainModel:
     return sample_chain(linear_law(GAIN, K), modules=modules, gravity=(0, 0, 0))
 
 
@@ -46,8 +46,8 @@ def model_with(chain: ChainModel, *effects: tuple[str, Mapping[str, Any]]) -> Mo
 
 
 def followed(modules: int, histories: list[History], *effects: tuple[str, Mapping[str, Any]]) -> list[Array]:
-    """(t,) angle of a joint in each history; all joints must agree."""
-    model = model_with(chain_of(modules), *effects)
+    """Return the (t,) angle of a joint in each history; all joints must agree."""
+    model = model_with(make_chain(modules), *effects)
     runs, _ = ENGINE.follow(model.chain, [model.commanded(h) for h in histories])
     for run in runs:
         assert run.joint_angles.shape[1:] == (modules, 1)
@@ -57,7 +57,7 @@ def followed(modules: int, histories: list[History], *effects: tuple[str, Mappin
 
 
 def pressed(time_s: Array, pressure: Array, **more: Any) -> History:
-    return History.of({"pressure_pa": pressure}, time_s, **more)
+    return History.from_arrays({"pressure_pa": pressure}, time_s, **more)
 
 
 def ramps(levels: tuple[float, ...], rate: float, step_s: float, holds_s: float = 0.0) -> History:
@@ -79,7 +79,7 @@ def test_damped_creep_after_a_step(modules: int) -> None:
 
 @both
 def test_viscoelastic_creep_and_recovery(modules: int) -> None:
-    """Standard linear solid: u = U (1 − g/(1+g) exp(−t/T(1+g))) under a held pressure, and back after venting."""
+    """Standard linear solid: u = U (1 − g/(1+g) exp(−t/T(1+g))) under constant pressure, and back after venting."""
     share, T, hold = 0.5, 10.0, 60.0
     h = 0.1
     t = h * np.arange(1201)
@@ -116,7 +116,7 @@ def test_a_lagging_supply_is_behind_on_a_ramp_and_even_on_a_hold(modules: int) -
 
 @both
 def test_a_friction_loop_is_as_wide_at_every_rate(modules: int) -> None:
-    """Slipping, K u = g p ∓ w K: the branches are 2 w apart."""
+    """While slipping, K u = g p ∓ w K: the branches are 2 w apart."""
     friction = ("friction_hysteresis", {"half_width_rad": 0.03, "break_away_rad": 0.01})
     runs = [ramps((P, 0.0, P, 0.0), rate, 150.0 / rate) for rate in (300.0, 30e3)]
     slow, fast = followed(modules, runs, friction)
@@ -124,7 +124,7 @@ def test_a_friction_loop_is_as_wide_at_every_rate(modules: int) -> None:
     p = runs[0].actuation["pressure_pa"]
     middle = np.flatnonzero(np.abs(p - 7500.0) < 1.0)
     np.testing.assert_allclose(slow[middle], U / 2 + np.array([-0.03, 0.03, -0.03, 0.03]), atol=1e-6)
-    # After a reversal the joint gives way only as its friction spring does: K (1 + w/δ).
+    # After a reversal the joint moves only by its friction spring: K (1 + w/δ).
     turned = np.flatnonzero(p == P)[0]
     first_move = slow[turned] - slow[turned + 1]
     assert first_move == pytest.approx(GAIN * 150.0 / (K * (1 + 0.03 / 0.01)), rel=1e-3)
@@ -134,7 +134,7 @@ def test_a_friction_loop_is_as_wide_at_every_rate(modules: int) -> None:
 def test_friction_acts_on_data_without_a_clock(modules: int) -> None:
     levels = np.array([0.0, 5e3, 10e3, P, 10e3, 5e3])
     friction = ("friction_hysteresis", {"half_width_rad": 0.03, "break_away_rad": 0.01})
-    (u,) = followed(modules, [History.of({"pressure_pa": levels})], friction)
+    (u,) = followed(modules, [History.from_arrays({"pressure_pa": levels})], friction)
     side = np.array([0, -1, -1, -1, 1, 1])
     np.testing.assert_allclose(u, GAIN * levels / K + 0.03 * side, atol=1e-6)
 
@@ -232,8 +232,8 @@ def pushed(u: float, rate: float, dt: float, p: float, t: float, old: Array, new
     return -c[0] * excess(u)  # type: ignore[no-any-return]
 
 
-def test_a_term_may_call_functions_of_its_own_file() -> None:
-    chain = chain_of(1).with_(terms=(LawTerm("moment", pushed, (2 * K,)),))
+def test_a_term_may_call_functions_in_its_own_file() -> None:
+    chain = make_chain(1).with_(terms=(LawTerm("moment", pushed, (2 * K,)),))
     ((run,), _) = ENGINE.follow(chain, [ramps((P,), 3e3, 0.5)])
     assert run.joint_angles[-1, 0, 0] == pytest.approx((U + 2 * GAP) / 3, abs=1e-6)
 
@@ -254,7 +254,7 @@ STATIC = [
 def test_a_settled_chain_is_where_a_slow_path_ends(
     modules: int, kind: str, values: dict[str, float], pressed_to: float, released_to: float | None
 ) -> None:
-    chain = model_with(chain_of(modules), (kind, values)).chain
+    chain = model_with(make_chain(modules), (kind, values)).chain
     with ENGINE.build(chain) as simulation:
         simulation.apply(Inputs({"pressure_pa": P}))
         loaded = simulation.settle()

@@ -1,4 +1,4 @@
-"""`inter_module_compliance`: springs between modules, in series with the joints beside them."""
+"""`inter_module_compliance`: springs between modules, in series with the neighbouring joints."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def connected(chain: ChainModel, share: float = SHARE) -> ChainModel:
 
 
 def angles(chain: ChainModel, pressure: float, moment: float = 0.0) -> Any:
-    history = History.of({"pressure_pa": pressure}, moment_n_m=moment)
+    history = History.from_arrays({"pressure_pa": pressure}, moment_n_m=moment)
     return followed(chain, history)[0][0]
 
 
 @pytest.mark.parametrize(("pressure", "moment"), [(9e3, 0.0), (0.0, 4e-3), (9e3, 4e-3), (5e3, -6e-3)])
 def test_a_linear_chain_under_a_moment_has_its_closed_form(pressure: float, moment: float) -> None:
-    """u_i = (g p − M) / k − n_i/2 κ M / k: free bending is untouched, the end joints get half a connection."""
+    """u_i = (g p − M) / k − n_i/2 κ M / k: free bending is unchanged, the end joints get half a connection."""
     chain = connected(sample_chain(linear_law(GAIN, K), modules=4, gravity=NO_GRAVITY))
     halves = np.array([0.5, 1.0, 1.0, 0.5])
     wanted = (GAIN * pressure - moment) / K - halves * SHARE * moment / K
@@ -50,7 +50,7 @@ def test_a_linear_chain_under_a_moment_has_its_closed_form(pressure: float, mome
 
 
 def test_only_the_sum_over_many_modules_is_a_stiffness() -> None:
-    """Two modules: all joints alike, the stiffness 1/(1 + κ/2) where nothing is pressed."""
+    """For two modules all joints are alike, with the stiffness factor 1/(1 + κ/2) at zero pressure."""
     chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY)
     softer = chain_with(chain, "stiffness", factor=1 / (1 + SHARE / 2))
     np.testing.assert_allclose(angles(connected(chain), 0.0, 4e-3), angles(softer, 0.0, 4e-3), rtol=1e-6)
@@ -77,7 +77,7 @@ def test_the_series_law_is_solved_to_rounding(law: JointLaw) -> None:
 
 
 @ALL
-def test_slopes_are_derivatives_and_the_energy_is_that_of_both_springs(law: JointLaw) -> None:
+def test_slopes_are_derivatives_and_the_energy_belongs_to_both_springs(law: JointLaw) -> None:
     p, q = states(law)
     series = SeriesLaw(law, 6.0)
     require_exact_slopes(series, p, q, 1e-5)
@@ -87,7 +87,7 @@ def test_slopes_are_derivatives_and_the_energy_is_that_of_both_springs(law: Join
     np.testing.assert_allclose(series.potential(p, q), by_work, rtol=1e-3, atol=1e-8)
 
 
-def test_joints_of_one_kind_share_a_law_and_the_same_springs_are_the_same_objects() -> None:
+def test_joints_with_one_kind_share_a_law_and_the_same_springs_are_the_same_objects() -> None:
     chain = sample_chain(modules=5)
     once, again = connected(chain), connected(chain)
     assert len(once.laws) == 2
@@ -105,7 +105,7 @@ def test_opposed_chambers_share_a_connection() -> None:
     }
     chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY, **opposed)
     assert rest_stiffness(chain) == pytest.approx(K)
-    history = History.of({"pressure_1_pa": 9e3, "pressure_2_pa": 3e3}, moment_n_m=4e-3)
+    history = History.from_arrays({"pressure_1_pa": 9e3, "pressure_2_pa": 3e3}, moment_n_m=4e-3)
     ((found,),) = followed(connected(chain), history)
     wanted = GAIN * 6e3 / K - (1 + SHARE / 2) * 4e-3 / K
     np.testing.assert_allclose(found, wanted, rtol=1e-6)
@@ -123,7 +123,7 @@ def test_error_bars_shrink_by_what_the_spring_takes() -> None:
 
 
 def with_springs_as_joints(chain: ChainModel, compliance: float) -> ChainModel:
-    """The same body with a joint of its own for every spring, at the joint that it belongs to."""
+    """Return the same body with a separate joint for every spring, at the position of the joint that it belongs to."""
     n_axes, last = len(chain.axes), chain.n_joints - 1
     halves = [0.5 if i in (0, last) else 1.0 for i in range(chain.n_joints)]
     laws, joints, bodies = list(chain.laws), [], [chain.bodies[0]]
@@ -139,8 +139,8 @@ def with_springs_as_joints(chain: ChainModel, compliance: float) -> ChainModel:
 @pytest.mark.parametrize(
     ("law", "tolerance_m"), [(linear_law(), 1e-8), (linear_spherical_law(), 2e-5)], ids=["hinge", "ball"]
 )
-def test_springs_as_joints_of_their_own_give_the_same_pose(law: JointLaw, tolerance_m: float) -> None:
-    """Under gravity, a load across the plane and pressure; hinges exactly, balls as far as rotation vectors add."""
+def test_springs_as_separate_joints_give_the_same_pose(law: JointLaw, tolerance_m: float) -> None:
+    """Under gravity, a lateral load and pressure; exact for hinges, for balls as far as rotation vectors add."""
     chain = sample_chain(law, modules=3, payload=0.01, base={"direction": [1.0, 0.0, 0.0]})
     tips = []
     for body in (connected(chain), with_springs_as_joints(chain, SHARE / rest_stiffness(chain)), chain):

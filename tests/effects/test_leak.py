@@ -1,4 +1,4 @@
-"""`leak`, and what a closed valve is without one: closed forms, an integrator, a joint that sinks, files."""
+"""`leak`, and a closed valve without one: closed forms, an integrator, a joint that sinks, files."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def reached(model: Model, history: History, name: str = "pressure_pa") -> Array:
 
 
 def closing(time_s: Array, closes_s: float) -> History:
-    """Held at P; from `closes_s` on the valve is closed and the command falls to nothing."""
+    """Return a history at constant P whose valve is closed from `closes_s` on, with a command of zero."""
     closed = time_s > closes_s
-    return History.of(
+    return History.from_arrays(
         {"pressure_pa": np.where(closed, 0.0, P)}, time_s, valve_open=np.where(closed, 0.0, 1.0)
     )
 
@@ -45,7 +45,7 @@ def closing(time_s: Array, closes_s: float) -> History:
 
 def test_a_closed_chamber_keeps_the_pressure_that_it_had_and_an_opened_one_follows() -> None:
     commanded = np.array([1.0, 3.0, 5.0, 7.0, 9.0, 2.0])
-    run = History.of(
+    run = History.from_arrays(
         {"pressure_1_pa": commanded, "pressure_2_pa": -commanded, "tendon_force_n": commanded},
         valve_open=np.array([1.0, 1.0, 0.0, 0.0, 1.0, 0.0]),
     )
@@ -58,7 +58,9 @@ def test_a_closed_chamber_keeps_the_pressure_that_it_had_and_an_opened_one_follo
 
 
 def test_a_run_that_begins_closed_keeps_its_first_pressure() -> None:
-    run = History.of({"pressure_pa": np.array([4.0, 5.0, 6.0])}, valve_open=np.array([0.0, 0.0, 1.0]))
+    run = History.from_arrays(
+        {"pressure_pa": np.array([4.0, 5.0, 6.0])}, valve_open=np.array([0.0, 0.0, 1.0])
+    )
     assert held(run).actuation["pressure_pa"].tolist() == [4.0, 4.0, 6.0]
 
 
@@ -70,7 +72,7 @@ def test_every_model_sees_the_closed_valve() -> None:
 
 def test_a_lagging_chamber_keeps_what_had_arrived() -> None:
     t = np.array([0.0, 0.001, 1.0, 2.0, 3.0, 4.0])
-    run = History.of(
+    run = History.from_arrays(
         {"pressure_pa": np.where(t > 0, P, 0.0)}, t, valve_open=np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
     )
     late = reached(model_with(PLAIN, "supply_lag", time_s=1.0, second_ratio=1.0), run)
@@ -78,9 +80,7 @@ def test_a_lagging_chamber_keeps_what_had_arrived() -> None:
         P * (1 - 2 * np.exp(-1.0)), rel=1e-3
     )  # 1 − (1 + t/T) e^(−t/T) of two stages
     assert late[3] == late[4] == late[2]
-    assert late[5] == pytest.approx(
-        P * (1 - 3 * np.exp(-2.0)), rel=1e-3
-    )  # as if the closed time had not been
+    assert late[5] == pytest.approx(P * (1 - 3 * np.exp(-2.0)), rel=1e-3)  # the closed time has no effect
 
 
 # -- closed forms ----------------------------------------------------------------------------------
@@ -97,7 +97,9 @@ def test_a_regulated_chamber_lacks_a_share_and_gets_it_back_with_the_filling_tim
     """Closed for a long time, then opened: d falls to λ T/(1 + λ T) p with T/(1 + λ T)."""
     t = np.array([0.0, 1.0, 1e3, 1e3 + 1e-9, *(1e3 + 0.1 * np.arange(1, 40))])
     valve = np.where((t > 0.5) & (t <= 1e3), 0.0, 1.0)
-    lacking = P - reached(leaking(), History.of({"pressure_pa": np.full(len(t), P)}, t, valve_open=valve))
+    lacking = P - reached(
+        leaking(), History.from_arrays({"pressure_pa": np.full(len(t), P)}, t, valve_open=valve)
+    )
     end = RATE * FILLING / (1 + RATE * FILLING) * P
     since = t[3:] - t[3]
     wanted = end + (lacking[3] - end) * np.exp(-since * (1 + RATE * FILLING) / FILLING)
@@ -106,11 +108,11 @@ def test_a_regulated_chamber_lacks_a_share_and_gets_it_back_with_the_filling_tim
     np.testing.assert_allclose(lacking[3:], wanted, rtol=1e-6)
 
 
-def test_ramps_and_valves_are_those_of_an_integrator() -> None:
+def test_ramps_and_valves_equal_an_integrator() -> None:
     rng = np.random.default_rng(5)
     t = np.cumsum([0.0, *rng.uniform(0.05, 1.0, 40)])
     valve = (np.arange(41) % 10 < 6).astype(float)
-    run = History.of({"pressure_pa": rng.uniform(-P, P, 41)}, t, valve_open=valve)
+    run = History.from_arrays({"pressure_pa": rng.uniform(-P, P, 41)}, t, valve_open=valve)
     plain, wet = reached(PLAIN, run), reached(leaking(0.3), run)
     lacking = [plain[0] - wet[0]]
     for k in range(1, 41):
@@ -125,7 +127,7 @@ def test_ramps_and_valves_are_those_of_an_integrator() -> None:
 
 def test_it_vanishes_gently_with_its_rate() -> None:
     t = np.linspace(0.0, 20.0, 101)
-    run = History.of({"pressure_pa": P * np.sin(t)}, t, valve_open=(t < 12).astype(float))
+    run = History.from_arrays({"pressure_pa": P * np.sin(t)}, t, valve_open=(t < 12).astype(float))
     plain = reached(PLAIN, run)
     np.testing.assert_array_equal(reached(leaking(0.0), run), plain)
     small, smaller = (np.abs(plain - reached(leaking(rate), run)).max() for rate in (1e-5, 1e-6))
@@ -133,7 +135,7 @@ def test_it_vanishes_gently_with_its_rate() -> None:
 
 
 def test_states_without_a_clock_lack_the_share_only() -> None:
-    run = History.of({"pressure_pa": np.array([P, 2 * P])}, valve_open=np.array([1.0, 0.0]))
+    run = History.from_arrays({"pressure_pa": np.array([P, 2 * P])}, valve_open=np.array([1.0, 0.0]))
     np.testing.assert_allclose(reached(leaking(), run), P / (1 + RATE * FILLING))
 
 
@@ -141,7 +143,9 @@ def test_each_chamber_leaks_and_no_tendon() -> None:
     chain = PLAIN.chain.with_(actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0)))
     model = model_with(chain, "leak", rate_1_s=0.1)
     t = np.arange(5.0)
-    run = History.of({"pressure_1_pa": P, "pressure_2_pa": -P, "tendon_force_n": 3.0}, t, valve_open=t < 1)
+    run = History.from_arrays(
+        {"pressure_1_pa": P, "pressure_2_pa": -P, "tendon_force_n": 3.0}, t, valve_open=t < 1
+    )
     assert reached(model, run, "pressure_1_pa")[-1] == pytest.approx(P / 1.02 * np.exp(-0.4))
     assert reached(model, run, "pressure_2_pa")[-1] == pytest.approx(-P / 1.02 * np.exp(-0.4))
     assert set(reached(model, run, "tendon_force_n")) == {3.0}
@@ -150,7 +154,10 @@ def test_each_chamber_leaks_and_no_tendon() -> None:
 def test_the_joint_sinks_and_without_a_valve_it_hardly_shows() -> None:
     t = np.arange(0.0, 61.0)
     model = leaking(0.02, 0.2)
-    runs = [model.commanded(closing(t, 0.0)), model.commanded(History.of({"pressure_pa": np.full(61, P)}, t))]
+    runs = [
+        model.commanded(closing(t, 0.0)),
+        model.commanded(History.from_arrays({"pressure_pa": np.full(61, P)}, t)),
+    ]
     closed, opened = (angles[:, 0] for angles in followed(model.chain, *runs))
     np.testing.assert_allclose(closed, GAIN * P / K / 1.004 * np.exp(-0.02 * t), atol=1e-7)
     np.testing.assert_allclose(opened, GAIN * P / K, rtol=0.005)

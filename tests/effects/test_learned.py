@@ -1,9 +1,9 @@
-"""`learned`: values at knots, nothing outside their range, the same compiled as by sums, and a config that says no."""
+"""`learned`: values at knots, zero outside their range, the compiled result equal to sums, and refused configs."""
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from tests.diagnosis.quick import P, blank, effect, joint, predictor_of, ramp
+from tests.diagnosis.quick import P, blank, effect, joint, make_predictor, ramp
 
 from pliant.mechanics.learned_curve import (
     MARGIN,
@@ -99,7 +99,7 @@ def test_it_acts_inside_its_range_and_nowhere_else(acts_on, over, value):
     chain = joint()
     learned = effect("learned", acts_on=acts_on, covariates=[over], value=value)
     runs = [ramp("up", 500.0, 0.5, (P,))]
-    model = predictor_of(chain, blank(runs))
+    model = make_predictor(chain, blank(runs))
     (plain,), (changed,) = model.predict(), model.predict((learned,))
     apart = np.abs(changed["angle_rad"] - plain["angle_rad"])
     high = over["high"] + MARGIN * (over["high"] - over["low"])

@@ -1,4 +1,4 @@
-"""Effects on sensors, frames and connections, hidden in a chain of three joints: their numbers come back by fits."""
+"""Effects on sensors, frames and connections in a chain of three joints: fits recover their parameters."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from tests.diagnosis.quick import (
     REGISTRY,
     P,
     effect,
-    fitter_of,
+    make_fitter,
+    make_history,
+    make_predictor,
     measured,
-    predictor_of,
     pushes,
     ramp,
-    run_of,
 )
 
 from pliant.diagnosis.candidates import EffectSet
@@ -37,7 +37,7 @@ KINDS = (
 
 
 def runs() -> list[History]:
-    """Slow and fast loops, loads of both signs, the base level and on its side."""
+    """Return slow and fast loops, loads of both signs, and runs with the base level and on its side."""
     cycle = (P, 0.4 * P, 0.8 * P, 0.0)
     return [
         ramp("slow", 500.0, 1.0, cycle),
@@ -46,13 +46,13 @@ def runs() -> list[History]:
         pushes("pressed", 0.6 * P, 3e-3),
         ramp("level", 3e3, 0.5, base_angles_rad=[0.0, np.pi / 2, 0.0]),
         ramp("sideways", 3e3, 0.5, base_angles_rad=[np.pi / 2, 0.0, 0.0]),
-        run_of("table", None, np.linspace(0.0, P, 11)),
+        make_history("table", None, np.linspace(0.0, P, 11)),
     ]
 
 
 def fitted(kind: str, outputs: tuple[str, ...], seed: int = 3) -> EffectFit:
     measurement = measured(CHAIN, runs(), effect(kind), sigma=SIGMA, phi=0.0, seed=seed, outputs=outputs)
-    return fitter_of(predictor_of(CHAIN, measurement), SIGMA).fit(EffectSet.of(REGISTRY, (kind,)))
+    return make_fitter(make_predictor(CHAIN, measurement), SIGMA).fit(EffectSet.from_kinds(REGISTRY, (kind,)))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -71,15 +71,15 @@ def test_with_angles_and_the_tip(kind: str) -> None:
 @pytest.mark.parametrize(
     "kind", ["sensor_scale", "sensor_lag", "backlash", "inter_module_compliance", "cross_axis"]
 )
-def test_by_the_sum_of_angles_alone(kind: str) -> None:
-    """A turned axis shows in angles because the base was also laid on its side."""
+def test_by_the_angle_sum_alone(kind: str) -> None:
+    """Angles show a turned axis because the base was also turned on its side."""
     fit = fitted(kind, ("angle_rad",))
     for name, value in MORE_VALUES[kind].items():
         assert fit.values[f"{kind}.{name}"] == pytest.approx(value, rel=0.1)
 
 
-def test_a_tilt_out_of_the_plane_needs_positions() -> None:
-    """By angles alone the pitch comes back; the roll shows in second order only, through the product of both."""
+def test_a_tilt_outside_the_plane_needs_positions() -> None:
+    """Angles alone determine the pitch; the roll enters at second order only, through the product of both."""
     fit = fitted("base_misalignment", ("angle_rad",))
     assert fit.values["base_misalignment.pitch_rad"] == pytest.approx(0.04, rel=0.05)
     seen = np.linalg.norm(fit.slopes, axis=0)

@@ -1,4 +1,4 @@
-"""`sensor_lag`: recorded angles behind by a first-order lag; positions, tasks and tables are not late."""
+"""`sensor_lag`: recorded angles lag by a first-order filter; positions, tasks and tables do not."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def test_a_ramp_is_late_by_the_time_constant_at_uneven_steps() -> None:
     )
 
 
-def test_a_sine_has_the_gain_and_the_phase_of_a_first_order_filter() -> None:
-    """Straight lines between samples stand for the sine: off by (ω h)²/12."""
+def test_a_sine_has_first_order_filter_gain_and_phase() -> None:
+    """Linear interpolation between samples replaces the sine, with an error of (ω h)²/12."""
     omega, constant, step = 2.0, 0.3, 1e-3
     t = np.arange(0.0, 20.0, step)
     settled = read(constant, t, np.sin(omega * t))[t > 10]
@@ -43,12 +43,12 @@ def test_a_sine_has_the_gain_and_the_phase_of_a_first_order_filter() -> None:
 
 
 @given(st.lists(st.floats(1e-6, 30.0), min_size=1, max_size=20), st.floats(1e-3, 60.0))
-def test_more_samples_of_the_same_straight_lines_change_nothing(steps: list[float], constant: float) -> None:
+def test_more_samples_on_the_same_straight_lines_change_nothing(steps: list[float], constant: float) -> None:
     t = np.cumsum([0.0, *steps])
     angle = np.random.default_rng(len(steps)).normal(size=len(t))
     fine = np.sort(np.concatenate([t, (t[1:] + t[:-1]) / 2]))
     halved = read(constant, fine, np.interp(fine, t, angle))[np.isin(fine, t)]
-    if len(halved) == len(t):  # halves of the smallest steps may round to their ends
+    if len(halved) == len(t):  # halves of the smallest steps may be rounded to their ends
         np.testing.assert_allclose(halved, read(constant, t, angle), rtol=1e-9, atol=1e-9)
 
 
@@ -84,13 +84,13 @@ def test_a_load_step_at_constant_pressure_tells_it_from_a_supply(kind: str, late
     chain = sample_chain(linear_law(), modules=1, gravity=(0, 0, 0))
     t = 0.1 * np.arange(40)
     moment = np.where(t > 0.95, 4e-3, 0.0)
-    history = History.of({"pressure_pa": np.full(40, 8e3)}, t, moment_n_m=moment)
+    history = History.from_arrays({"pressure_pa": np.full(40, 8e3)}, t, moment_n_m=moment)
     changed = model_with(chain, kind, time_s=0.5)
     path = followed(changed.chain, changed.commanded(history))[0][:, :, None]
     said = run_readings(changed, path, history)
     true = (8e-7 * 8e3 - moment) / 0.04
     np.testing.assert_allclose(path[:, 0, 0], true, atol=1e-9)
-    geometry = ChainGeometry.of(chain)
+    geometry = ChainGeometry.from_chain(chain)
     np.testing.assert_allclose(said["tip_x_m"], [geometry.markers(q)[-1, 0] for q in path], atol=1e-12)
     if late:
         after = t[9:] - t[9]

@@ -1,4 +1,4 @@
-"""`supply_lag`: two stages in a row, the first with a venting time of its own: closed forms, its integral, limits."""
+"""`supply_lag`: two stages in series, the first with a separate venting time: closed forms, its integral, limits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def arrived(
     valve: Array | None = None,
 ) -> Array:
     values = {"time_s": filling_s, "vent_ratio": ratio, "second_ratio": second}
-    history = History.of({"pressure_pa": pressure}, t, valve_open=valve)
+    history = History.from_arrays({"pressure_pa": pressure}, t, valve_open=valve)
     model = model_with(sample_chain(modules=1), "supply_lag", **values)
     return model.commanded(history).actuation["pressure_pa"]
 
@@ -41,14 +41,14 @@ def first_stage(t: Array, pressure: Array, filling_s: float, ratio: float) -> Ar
 
 
 def wandering(seed: int, n: int) -> tuple[Array, Array]:
-    """Uneven steps of levels that go both ways."""
+    """Return uneven steps of levels in both directions."""
     rng = np.random.default_rng(seed)
     return np.cumsum([0.0, *rng.uniform(1e-3, 0.5, n - 1)]), rng.uniform(-P, P, n)
 
 
 @pytest.mark.parametrize(("ratio", "rate"), [(2.0, 3e3), (2.0, -3e3), (0.3, 3e3), (0.3, -3e3), (1.0, 3e3)])
 @pytest.mark.parametrize("second", [0.05, 0.3, 1.0])
-def test_a_ramp_is_late_by_the_times_of_its_own_direction(ratio: float, rate: float, second: float) -> None:
+def test_a_ramp_is_late_by_the_times_for_its_direction(ratio: float, rate: float, second: float) -> None:
     """p = s (t − T − T₂ + (T² e^(−t/T) − T₂² e^(−t/T₂)) / (T − T₂)); for T₂ = T s (t − 2T + (t + 2T) e^(−t/T))."""
     t = np.cumsum([0.0, *np.random.default_rng(3).uniform(0.01, 0.8, 100)])
     one, two = 0.4 * (ratio if rate < 0 else 1.0), 0.4 * second
@@ -63,7 +63,7 @@ def test_a_ramp_is_late_by_the_times_of_its_own_direction(ratio: float, rate: fl
 
 
 def test_steps_up_and_down_decay_with_their_own_times() -> None:
-    """Steps within no time; two samples at one instant are a jump. A step sets in with no slope."""
+    """Two samples at one instant are an instantaneous jump. The response to a step starts with zero slope."""
     t = np.concatenate([[0.0], np.linspace(0.0, 8.0, 401), np.linspace(8.0, 16.0, 401)])
     p = arrived(t, np.repeat([0.0, P, 0.0], [1, 401, 401]), 0.5, 1.6, 0.2)
 
@@ -76,7 +76,7 @@ def test_steps_up_and_down_decay_with_their_own_times() -> None:
     assert p[2] - p[1] < 0.2 * (p[12] - p[11])
 
 
-def test_nearly_equal_times_are_the_limit_of_equal_ones() -> None:
+def test_nearly_equal_times_are_the_limit_to_equal_ones() -> None:
     t, pressure = wandering(8, 60)
     equal = lagged_twice(pressure, t, (0.4, 0.4), 0.4)
     for apart in (1e-4, 1e-8, 1e-12):
@@ -91,8 +91,8 @@ def test_nearly_equal_times_are_the_limit_of_equal_ones() -> None:
 
 
 @given(ratios, st.integers(0, 50))
-def test_a_second_stage_of_no_time_is_none(ratio: float, seed: int) -> None:
-    """p falls short of y by T₂ y', and y' ≤ 2 P / (T min(1, r))."""
+def test_a_second_stage_without_time_is_none(ratio: float, seed: int) -> None:
+    """p is below y by T₂ y', and y' ≤ 2 P / (T min(1, r))."""
     t, pressure = wandering(seed, 40)
     one = first_stage(t, pressure, 0.4, ratio)
     for second_s in (1e-4, 1e-7, 1e-10):
@@ -101,7 +101,7 @@ def test_a_second_stage_of_no_time_is_none(ratio: float, seed: int) -> None:
 
 
 def test_a_command_that_overtakes_what_is_left_changes_the_time_within_its_step() -> None:
-    """Of the first stage: vented from P at once, then a ramp up in one step: y falls to s t, then follows late."""
+    """The first stage is vented from P at once, then ramped up in one step: y falls to s t, then lags behind it."""
     filling, ratio, rate, end = 0.3, 3.0, 8e3, 2.0
     venting = ratio * filling
     y = first_stage(np.array([0.0, 0.0, end]), np.array([P, 0.0, rate * end]), filling, ratio)[-1]
@@ -112,8 +112,8 @@ def test_a_command_that_overtakes_what_is_left_changes_the_time_within_its_step(
 
 
 @pytest.mark.parametrize("hold", [100.0, 744.3, 1e4])  # e^(−744.3) is the least number above zero
-def test_the_least_rest_of_long_ago_does_not_choose_the_time(hold: float) -> None:
-    """Vented for so many times that hardly a number is left of it, then a ramp up: filled from its begin."""
+def test_the_least_rest_long_ago_does_not_choose_the_time(hold: float) -> None:
+    """After venting for so long that the pressure nearly underflows, a ramp up is filled from its start."""
     filling, venting, rate = 0.3, 1.0, 0.2
     t = np.array([0.0, 0.0, hold, hold + 2.0])
     y = lagged(np.array([1.0, 0.0, 0.0, 2.0 * rate]), t, filling, falling_s=venting)
@@ -122,8 +122,8 @@ def test_the_least_rest_of_long_ago_does_not_choose_the_time(hold: float) -> Non
 
 
 @pytest.mark.parametrize(("ratio", "second"), [(0.3, 0.3), (3.0, 0.3), (0.3, 1.0), (3.0, 0.02), (1.0, 1.0)])
-def test_it_is_the_solution_of_its_equations(ratio: float, second: float) -> None:
-    """Against scipy's integrator, between samples one by one."""
+def test_it_solves_its_equations(ratio: float, second: float) -> None:
+    """Compared with scipy's integrator, between samples one by one."""
     t, pressure = wandering(5, 12)
     pressure = np.abs(pressure) * (-1.0) ** np.arange(12)
     filling, state = 0.3, np.full(2, pressure[0])
@@ -145,7 +145,7 @@ def test_it_is_the_solution_of_its_equations(ratio: float, second: float) -> Non
 
 
 @given(ratios, seconds, st.floats(1e-2, 5.0), st.integers(0, 50))
-def test_more_samples_of_the_same_straight_lines_change_nothing(
+def test_more_samples_on_the_same_straight_lines_change_nothing(
     ratio: float, second: float, filling: float, seed: int
 ) -> None:
     t, pressure = wandering(seed, 20)
@@ -156,15 +156,15 @@ def test_more_samples_of_the_same_straight_lines_change_nothing(
 
 @given(ratios, st.integers(0, 50))
 def test_upside_down_filling_is_venting(ratio: float, seed: int) -> None:
-    """−p with times exchanged is the mirror image."""
+    """−p with exchanged times is the mirror image."""
     t, pressure = wandering(seed, 30)
     there = arrived(t, pressure, 0.4, ratio)
     mirrored = lagged_twice(-pressure, t, (ratio * 0.4, 0.4), 0.12)
     np.testing.assert_allclose(there, -mirrored, rtol=0, atol=1e-10 * P)
 
 
-def test_the_neutral_ratio_is_the_lag_of_one_time() -> None:
-    """The loop with two times agrees with the loop with one where the two are alike but for the last digit."""
+def test_the_neutral_ratio_is_the_lag_by_one_time() -> None:
+    """For a ratio that differs from 1 in the last digit the loop with two times agrees with the loop with one."""
     t, pressure = wandering(1, 400)
     one = lagged(pressure, t, 0.4)
     d, wanted = 0.0, [pressure[0]]
@@ -178,8 +178,8 @@ def test_the_neutral_ratio_is_the_lag_of_one_time() -> None:
 
 
 @pytest.mark.parametrize("ratio", [0.5, 2.0])
-def test_a_closed_chamber_keeps_its_pressure_and_goes_on_with_the_time_of_its_side(ratio: float) -> None:
-    """The command passes what the chamber holds while the valve is closed: nothing moves, and no time is found."""
+def test_a_closed_chamber_keeps_its_pressure_and_continues_with_its_side_time(ratio: float) -> None:
+    """The command crosses the chamber's pressure at a closed valve: nothing moves and no crossing time is computed."""
     t = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
     late = lagged(
         np.array([0.0, P, 2 * P, 0.0, 0.0]), t, 0.5, np.array([True, False, False, True]), 0.5 * ratio
@@ -191,7 +191,7 @@ def test_a_closed_chamber_keeps_its_pressure_and_goes_on_with_the_time_of_its_si
 
 
 def test_a_closed_valve_stops_both_stages_in_time() -> None:
-    """What was on its way before arrives after."""
+    """The part of a change that has not yet arrived when the valve closes arrives after it opens."""
     t = np.array([0.0, 0.0, 0.3, 0.6, 0.9])
     pressure, valve = np.array([0.0, P, P, P, P]), np.array([1.0, 1.0, 1.0, 0.0, 1.0])
     held = arrived(t, pressure, 0.5, 1.5, 0.4, valve)
@@ -210,7 +210,7 @@ def test_what_arrives_stays_within_what_was_commanded(
 
 
 def test_time_grows_with_the_recording_and_not_faster() -> None:
-    """Four times the samples, on the hard case that changes sides at every second step: four times as long."""
+    """Four times the samples take four times as long, also when the side changes at every second step."""
 
     def least_s(samples: int) -> float:
         t, pressure = wandering(2, samples)

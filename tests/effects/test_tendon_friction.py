@@ -1,4 +1,4 @@
-"""`tendon_friction`: the capstan along a chain of three, what has no loop, and chains that it is not for."""
+"""`tendon_friction`: the capstan along a chain of three, cases without a loop, and chains that are refused."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def rubbing(chain: ChainModel, friction: float = MU, **more: float) -> ChainMode
 
 
 def pulled_and_released(chain: ChainModel) -> tuple[Array, Array]:
-    """Tension (t,) and angles (t, n) of one slow pull and release."""
+    """Return the tension (t,) and angles (t, n) of one slow pull and release."""
     time_s, force = triangles((F, 0.0), 0.1, 0.1)
-    return force, followed(chain, History.of({"tendon_force_n": force}, time_s))[0]
+    return force, followed(chain, History.from_arrays({"tendon_force_n": force}, time_s))[0]
 
 
 def test_every_joint_meets_the_tension_that_the_capstan_leaves() -> None:
@@ -63,10 +63,10 @@ def test_joints_farther_from_the_base_bend_less_while_pulled_and_more_while_rele
 def test_without_tension_there_is_no_loop_and_the_rate_does_not_matter() -> None:
     chain = rubbing(tendon_chain())
     time_s, moment = triangles((5e-3, -5e-3, 0.0), 1e-3, 0.1)
-    (angles,) = followed(chain, History.of({"tendon_force_n": 0.0}, time_s, moment_n_m=moment))
+    (angles,) = followed(chain, History.from_arrays({"tendon_force_n": 0.0}, time_s, moment_n_m=moment))
     np.testing.assert_allclose(angles, np.tile(-moment[:, None] / K, 3), atol=1e-7)
     time_s, force = triangles((F, 1.0, 2.0, 0.0), 0.5, 0.1)
-    runs = [History.of({"tendon_force_n": force}, clock) for clock in (time_s, 0.02 * time_s, None)]
+    runs = [History.from_arrays({"tendon_force_n": force}, clock) for clock in (time_s, 0.02 * time_s, None)]
     slow, fast, still = followed(chain, *runs)
     np.testing.assert_allclose(fast, slow, atol=1e-7)
     np.testing.assert_allclose(still, slow, atol=1e-7)
@@ -82,6 +82,6 @@ def test_a_tendon_that_pulls_the_other_way_is_the_mirror_image() -> None:
 def test_the_direction_turns_over_within_the_break_away_angle() -> None:
     chain = rubbing(tendon_chain(1), wrap_at_rest_rad=1.0, break_away_rad=0.02)
     angle = np.array([0.2, 0.21, 0.2, 0.19, 0.18, 0.16, 0.161])
-    own = drive(chain, HeldMotion.of(np.arange(7.0), angle, F)).effort + K * angle
+    own = drive(chain, HeldMotion.from_angles(np.arange(7.0), angle, F)).effort + K * angle
     z = np.array([1.0, 1.0, 0.5, 0.0, -0.5, -1.0, -0.95])
     np.testing.assert_allclose(own, ARM * F * np.exp(-MU * z * (0.5 * angle + 1.0)), rtol=1e-12)

@@ -1,4 +1,4 @@
-"""`wall_thickness`: both parts of a law by one number; its exponents against the FEM that they were fitted to."""
+"""`wall_thickness`: one number scales both parts of a law; its exponents against the FEM to which they were fitted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_both_parts_scale_by_their_powers() -> None:
     angle = np.linspace(-0.3, 0.4, 15)
 
     def effort(model: Model, pressure: float) -> np.ndarray:
-        return drive(model.chain, HeldMotion.of(np.arange(15.0), angle, pressure)).effort
+        return drive(model.chain, HeldMotion.from_angles(np.arange(15.0), angle, pressure)).effort
 
     thick = model_with(plain, "wall_thickness", ratio=1.1, elastic_exponent=3.0, actuation_exponent=-1.0)
     elastic, whole = effort(plain, 0.0), effort(plain, P)
@@ -29,19 +29,19 @@ def test_both_parts_scale_by_their_powers() -> None:
 
 
 def test_free_and_blocked_joints_tell_it_from_a_stiffness() -> None:
-    """Linear: the free angle goes with s^(b − a), the moment that holds the joint straight with s^b."""
+    """For a linear law the free angle scales with s^(b − a) and the moment that blocks the joint with s^b."""
     gain, stiffness, s = 8e-7, 0.04, 0.9
     chain = sample_chain(linear_law(gain, stiffness), modules=1, gravity=(0, 0, 0))
     blocked = s**0.33 * gain * P
-    run = History.of({"pressure_pa": P}, moment_n_m=np.array([0.0, blocked]))
+    run = History.from_arrays({"pressure_pa": P}, moment_n_m=np.array([0.0, blocked]))
     (angles,) = followed(chain_with(chain, "wall_thickness", ratio=s), run)
     wanted = [gain * P / stiffness * s ** (0.33 - 2.15), 0.0]
     np.testing.assert_allclose(angles[:, 0], wanted, atol=1e-7)
 
 
 @pytest.mark.parametrize("wall_m", [1.35e-3, 1.65e-3])
-def test_the_exponents_are_those_of_the_fem(wall_m: float, fem_states: list[dict[str, float]]) -> None:
-    """Walls that the fit of the exponents did not have, at one bent state: 3 % of E, 2 % of A."""
+def test_the_exponents_equal_the_fem(wall_m: float, fem_states: list[dict[str, float]]) -> None:
+    """At one bent state of walls outside the fit of the exponents: 3 % of E, 2 % of A."""
     moments = {(row["wall_m"], row["pressure_pa"]): row["moment_n_m"] for row in fem_states}
     config, nominal_m, pressure = WallThicknessConfig(), 1.5e-3, 9e3
     elastic = moments[wall_m, 0.0] / moments[nominal_m, 0.0]

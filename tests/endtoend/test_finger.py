@@ -1,4 +1,4 @@
-"""The whole way: geometry → FEM → law → finger in the engines → report; cached, interrupted, edited."""
+"""From geometry by FEM, law and engines to the report: cached, interrupted, edited."""
 
 import importlib.util
 import json
@@ -21,13 +21,13 @@ HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 
 
 def pliant(*arguments):
-    """A verb, called in this process."""
+    """Call a verb in this process."""
     called(*arguments).done()
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """The two studies of `make demo`, with fewer states; shared by the tests of this file."""
+    """Return the two studies of `make demo`, with fewer states; shared by the tests of this file."""
     folder, results = tmp_path_factory.mktemp("runs"), {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -62,7 +62,7 @@ def test_engines_agree_on_a_finger_that_bends_and_sags_and_nothing_is_computed_t
 
 @pytest.mark.slow
 def test_interrupted_and_killed_a_fem_goes_on_where_it_was_also_for_one_that_waits(tmp_path):
-    """SIGINT stops the first process, SIGKILL the second; the third has waited for the second and ends the table."""
+    """SIGINT stops the first process, SIGKILL the second; the third waits for the second and finishes the table."""
     store = tmp_path / "my störe"
     call = [
         sys.executable,
@@ -83,7 +83,7 @@ def test_interrupted_and_killed_a_fem_goes_on_where_it_was_also_for_one_that_wai
         )  # fmt: skip
 
     def solved(process, least):
-        """How many states are finished, when there are as many as that."""
+        """Wait until at least `least` states are finished and return their number."""
         deadline = time.monotonic() + 300
         while time.monotonic() < deadline and process.poll() is None:
             found = list(store.glob("fem/*.partial/states.json"))
@@ -151,7 +151,7 @@ MANIFEST = """
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
-CONTRACT = 2
+CONTRACT = 3
 
 
 @hookimpl
@@ -162,7 +162,7 @@ def pliant_components():
 
 @pytest.fixture
 def edited_plugin(tmp_path):
-    """A third-party package on the path, as pip would leave it."""
+    """Return a third-party package on the path, as pip installs it."""
     site = tmp_path / "site"
     package, info = site / "edited_plugin", site / "edited_plugin-1.0.dist-info"
     package.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Two hosts without a common file system: a worker in a network and a mount namespace of its own, kills included.
+"""Two hosts without a common file system: a worker in a separate network and mount namespace, including kills.
 
 The worker's host has another address, and an empty file system where the driver's folder is. Needs root, `ip` and
 `unshare`, as CI has them.
@@ -33,7 +33,7 @@ def call(*command: str) -> bool:
 
 
 def hosts() -> bool:
-    """Make the namespace and the cable to it; False where that is not allowed here."""
+    """Create the namespace and its network link; return False where that is not allowed."""
     if os.name != "posix" or os.geteuid() != 0 or not all(map(shutil.which, TOOLS)):
         return False
     here = ("ip", "netns", "exec", NAME, "ip")
@@ -99,8 +99,8 @@ def two_hosts(tmp_path: Path) -> Iterator[Hosts]:
 
 
 @pytest.mark.slow
-def test_a_sweep_whose_worker_is_killed_and_a_search_are_those_of_one_process(two_hosts: Hosts) -> None:
-    """Designs come back whole, what the killed worker had finished too; the search finds the same."""
+def test_a_sweep_whose_worker_is_killed_and_a_search_equal_those_in_one_process(two_hosts: Hosts) -> None:
+    """The sweep is complete, with the designs that the killed worker had finished; the search finds the same."""
     apart = two_hosts.folder / "apart"
     apart.mkdir()
     alone = bench.table(api.sweep(bench.opened(apart, GRID), workers=1))

@@ -1,4 +1,4 @@
-"""Reach and Track: what is measured, robots drawn from evidence, and controllers that find what the model misses."""
+"""Reach and Track: measurements, robots drawn from evidence, and controllers that compensate for the model's errors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def made(folder: Path, name: str = "Reach", **settings: Any) -> MeasuredEnv:
 
 
 def tips(env: MeasuredEnv, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """True and measured places of the tip in an episode of full actuation."""
+    """Return the true and measured positions of the tip in an episode of full actuation."""
     _, info = env.reset(seed=3, options=options)
     infos = [info]
     while len(infos) <= env.steps:
@@ -46,7 +46,7 @@ def test_the_tip_is_seen_late_and_with_noise(tmp_path: Path) -> None:
     np.testing.assert_array_equal(seen[2:], true[:-2])
     true, seen = tips(made(tmp_path, noise_m=1e-3, episode_s=4.0))
     assert (seen - true).std() == pytest.approx(1e-3, rel=0.15)
-    # of the study's posterior: 0.01 rad of a bend that is even along 88 mm
+    # of the study's posterior: 0.01 rad of a bend that is uniform along 88 mm
     assert made(tmp_path).noise_m == pytest.approx(0.01 * 0.088 / 2)
 
 

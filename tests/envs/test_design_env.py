@@ -12,16 +12,16 @@ gymnasium = pytest.importorskip("gymnasium")
 
 import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant.errors import UserError  # noqa: E402
-from pliant.interfaces.optimizer import Context, Space, Trial, Variable  # noqa: E402
+from pliant_search.optimizer import Context, Space, Trial, Variable  # noqa: E402
 
-NAME = "pliant_plugins.envs:pliant/Design-v0"  # processes that import nothing know it by this name
+NAME = "pliant_plugins.envs:pliant/Design-v0"  # processes without further imports find it by this name
 VARIABLES = (Variable("a", "real", 0.0, 1.0), Variable("n", "integer", 2, 6))
 BEST = (0.2, 0.8)
 
 
 @dataclass
 class StandInProblem:
-    """Two conditions; `a` is best at another place in each, and the branch's `k` is an offset."""
+    """Two conditions with different optima of `a`; the branch's `k` is an offset."""
 
     conditions: tuple[Context, ...] = (Context("egg", (0.0, 1.0)), Context("can", (1.0, 0.5)))
     until: str | None = "score <= 0.1"
@@ -115,7 +115,7 @@ def test_a_seed_decides_the_conditions_and_both_come():
     assert set(conditions(1)) == {"egg", "can"}
 
 
-def test_a_branch_is_a_search_of_its_own():
+def test_a_branch_is_a_separate_search():
     env = made(branch=1)
     env.reset(options={"condition": "egg"})
     _, reward, _, _, info = env.step(action(0.2, 3))
@@ -184,7 +184,7 @@ def study(tmp_path, monkeypatch):
     return tmp_path / "reach.yaml"
 
 
-def test_the_reward_is_what_a_simulation_of_the_design_says(study):
+def test_the_reward_is_what_a_simulation_with_the_design_says(study):
     from pliant import api
 
     env = gymnasium.make(NAME, study=study)
@@ -206,8 +206,8 @@ def test_the_reward_is_what_a_simulation_of_the_design_says(study):
 
 
 @pytest.mark.slow
-def test_processes_of_their_own_step_a_study(study):
-    """Fresh processes, which build the problem for themselves, say what this one says."""
+def test_separate_processes_step_a_study(study):
+    """Fresh processes, which build the problem themselves, give the results of this process."""
     pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import SubprocVecEnv
@@ -235,12 +235,12 @@ def test_a_study_without_a_search_is_refused(tmp_path, monkeypatch):
         gymnasium.make(NAME, study=tmp_path / "plain.yaml")
 
 
-def test_a_policy_of_the_optimizer_goes_on_in_the_environment(tmp_path):
+def test_an_optimizer_policy_continues_in_the_environment(tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    from pliant_plugins.optimizers.config import PpoConfig
-    from pliant_plugins.optimizers.ppo.optimizer import Ppo
+    from pliant_search.optimizers.config import PpoConfig
+    from pliant_search.optimizers.ppo.optimizer import Ppo
 
     optimizer = Ppo(PpoConfig(tensorboard=False))
     optimizer.start(StandInProblem().space(contextual=True), 0)

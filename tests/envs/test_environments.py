@@ -1,4 +1,4 @@
-"""Every environment keeps gymnasium's rules, is deterministic under a seed, and rewards the right thing."""
+"""Every environment follows gymnasium's rules, is deterministic under a seed, and rewards the intended behaviour."""
 
 import importlib
 import importlib.util
@@ -15,7 +15,7 @@ from pliant.errors import UserError  # noqa: E402
 from pliant_plugins.envs.registration import ENVIRONMENTS  # noqa: E402
 
 CHAINS = [name for name in ENVIRONMENTS if name != "pliant/Grasp-v0"]
-# 22 spherical joints take their time: fewer steps say the same.
+# 22 spherical joints are slow: fewer steps suffice.
 SHORT = {"episode_s": 0.5}
 
 
@@ -27,7 +27,7 @@ def env(request):
 
 
 def played(env, seed, policy, steps=1000):
-    """Observations and rewards of one episode, or of its first steps."""
+    """Return observations and rewards of one episode, or of its first steps."""
     seen, info = env.reset(seed=seed)
     observations, rewards, infos = [seen], [], [info]
     over = False
@@ -42,7 +42,7 @@ def played(env, seed, policy, steps=1000):
 
 @pytest.mark.slow
 def test_the_checkers_have_no_remark(env):
-    """Gymnasium's, and stable-baselines3's where it is installed; then a random policy."""
+    """Gymnasium's checker, and stable-baselines3's where it is installed; then a random policy."""
     from gymnasium.utils.env_checker import check_env
 
     with warnings.catch_warnings():
@@ -69,12 +69,12 @@ def test_a_seed_decides_an_episode(env):
 
 @pytest.mark.parametrize("name", ["pliant/FreeBending-v0", "pliant/TipLoad-v0", "pliant/TendonFinger-v0"])
 def test_the_target_is_reached_by_an_actuation(name):
-    """An actuation that rises slowly brings the tip to the target, which was drawn at one; none at all does not."""
+    """A slowly rising actuation brings the tip to the target, which was drawn at one; zero actuation does not."""
     env = gymnasium.make(name, episode_s=4.0)
     rise = iter(np.linspace(-1.0, 1.0, 81))
     _, rewards, infos = played(env, 5, lambda _: np.array([next(rise)], np.float32))
     length, errors = env.unwrapped.chain.length_m, np.array([info["error_m"] for info in infos[1:]])
-    np.testing.assert_allclose(rewards, -errors / length, atol=1e-5)  # but for the cost of a changing action
+    np.testing.assert_allclose(rewards, -errors / length, atol=1e-5)  # except for action costs
     assert errors.min() < 0.05 * length < errors[0]
     env.close()
 
@@ -85,7 +85,7 @@ def test_options_fix_what_is_drawn():
     _, info = env.reset(seed=1, options=wanted)
     np.testing.assert_array_equal(info["target_m"], wanted["target_m"])
     np.testing.assert_array_equal(info["tip_force_n"], wanted["tip_force_n"])
-    # The next episode is what it would have been without options.
+    # The next episode is the one without options.
     _, following = env.reset()
     env.reset(seed=1)
     _, plain = env.reset()
@@ -171,7 +171,7 @@ task: {kind: free_bending, pressure: 10 kPa}
 """
 
 
-def test_a_study_of_ones_own(tmp_path):
+def test_a_users_own_study(tmp_path):
     path = tmp_path / "own.yaml"
     path.write_text(STUDY.replace("PHYSICS", "mujoco"))
     env = gymnasium.make("pliant/FreeBending-v0", study=str(path))

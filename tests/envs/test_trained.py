@@ -1,4 +1,4 @@
-"""A policy that is trained: without gains it is open-loop inverse statics, and training lowers what it is told to."""
+"""A trained policy: without gains it is open-loop inverse statics, and training lowers the selected objective."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from benchmarks.control import STUDY  # noqa: E402
 import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant_plugins.envs.baselines import Nominal, OpenLoop, score  # noqa: E402
 from pliant_plugins.envs.control import MeasuredEnv  # noqa: E402
-from pliant_plugins.envs.trained import FEATURES, Episode, LinearResidual, train  # noqa: E402
-from pliant_plugins.optimizers.cmaes.optimizer import Cmaes  # noqa: E402
-from pliant_plugins.optimizers.config import CmaesConfig  # noqa: E402
+from pliant_search.envs.trained import FEATURES, Episode, LinearResidual, train  # noqa: E402
+from pliant_search.optimizers.cmaes.optimizer import Cmaes  # noqa: E402
+from pliant_search.optimizers.config import CmaesConfig  # noqa: E402
 
 NONE = np.zeros(len(FEATURES))
 
@@ -77,7 +77,7 @@ def test_training_lowers_the_error_and_repeats(env: MeasuredEnv) -> None:
 
     one, again = trained(27), trained(9)
     np.testing.assert_array_equal(one.errors_m[:9], again.errors_m)
-    # the first candidate is the policy as it was
+    # the first candidate is the unchanged policy
     assert one.errors_m[0] == pytest.approx(worst(LinearResidual(env, NONE, model)))
     assert worst(one.policy) == pytest.approx(one.errors_m.min())
     assert one.errors_m.min() < 0.8 * one.errors_m[0]

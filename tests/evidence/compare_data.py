@@ -1,4 +1,4 @@
-"""Bench data made of formulas: known inputs, a known model, noise of a known colour, effects of known size."""
+"""Bench data computed from formulas: known inputs, a known model, noise of known colour, effects of known size."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ KPA = 1e3
 
 
 def profile(rate_pa_s: float, hold_s: float, dt: float = 0.1, top: float = 15e3, cycles: int = 1):
-    """Time and pressure of ramps up, a hold, ramps down, a rest."""
+    """Return time and pressure of ramps up, a pause, ramps down and a rest."""
     ramp = top / rate_pa_s
     corner = np.cumsum([0.0, *([ramp, hold_s, ramp, hold_s] * cycles)])
     level = [0.0, *([top, top, 0.0, 0.0] * cycles)]
@@ -21,14 +21,14 @@ def profile(rate_pa_s: float, hold_s: float, dt: float = 0.1, top: float = 15e3,
 
 
 def colour(rng, n: int, sigma: float, phi: float):
-    """Stationary first-order autoregressive noise."""
+    """Return stationary first-order autoregressive noise."""
     white = rng.normal(0, sigma * np.sqrt(1 - phi**2), n)
     white[0] = rng.normal(0, sigma)
     return lfilter([1.0], [1.0, -phi], white)
 
 
 def angle(pressure_pa, moment_n_m=0.0, payload_kg=0.0):
-    """A model: softening bend, less under load."""
+    """Return the angle of a model: softening bend, less under load."""
     return 0.7 * np.tanh(pressure_pa / 20e3) - 2.0 * np.asarray(moment_n_m) - 1.5 * np.asarray(payload_kg)
 
 
@@ -44,7 +44,7 @@ def bench(
     n_joints: int = 0,
     dt: float = 0.1,
 ):
-    """(measurement, predicted): two rates, two loads, each `repeats` times.
+    """Return (measurement, predicted): two rates, two loads, each `repeats` times.
 
     `effect(history)` is what the model lacks, (t,) rad. `offset` is the standard deviation between runs.
     """
@@ -54,7 +54,7 @@ def bench(
     for number, (rate, moment) in enumerate(settings):
         for again in range(repeats):
             time, pressure = profile(rate, 12.0, dt)
-            history = History.of(
+            history = History.from_arrays(
                 {"pressure_pa": pressure}, time, run=f"r{number}{'abcdef'[again]}", moment_n_m=moment
             )
             truth = angle(pressure, moment) + (effect(history) if effect else 0.0)
@@ -74,7 +74,7 @@ def measured_run(history, outputs):
 
 
 def falling_shift(size: float):
-    """Friction: on the falling branch the readings stay high."""
+    """Return a friction effect: on the falling branch the readings stay high."""
 
     def effect(history):
         slope = np.gradient(history.actuation["pressure_pa"], history.time_s)
@@ -84,7 +84,7 @@ def falling_shift(size: float):
 
 
 def creep(size: float, tau_s: float = 5.0):
-    """One relaxing branch driven by the model's bend."""
+    """Return one relaxing branch driven by the model's bend."""
 
     def effect(history):
         bend = angle(history.actuation["pressure_pa"])

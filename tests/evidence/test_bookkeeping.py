@@ -1,4 +1,4 @@
-"""Mistakes of the record: each is named, and records in order raise none."""
+"""Mistakes of the record: each is named, and correct records raise none."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.diagnosis.quick import (
     colour,
     effect,
     joint,
-    measurement_of,
+    make_measurement,
     pushes,
     ramp,
     rich,
@@ -46,14 +46,14 @@ def recorded(
     outputs: Sequence[str] = PLANE,
     seed: int = 0,
 ) -> Measurement:
-    """What a bench reads of this chain: 2 mrad and 0.1 mm of coloured noise."""
+    """Return the readings of this chain with coloured noise of 2 mrad and 0.1 mm."""
     rng = np.random.default_rng(seed)
     readings = Predictor(BENCH, ENGINE, chain, blank(histories, outputs)).predict(effects)
     noisy = [
         {n: v + colour(rng, len(v), 2e-3 if n.endswith("_rad") else 1e-4, 0.6) for n, v in run.items()}
         for run in readings
     ]
-    return measurement_of(histories, noisy)
+    return make_measurement(histories, noisy)
 
 
 def mistakes(chain: ChainModel, measurement: Measurement) -> tuple[Mistake, ...]:
@@ -67,7 +67,7 @@ def changed(
 
 
 def pressed(factor: float) -> Callable[[MeasuredRun], MeasuredRun]:
-    """Pressures as recorded are the true ones times this."""
+    """Return the measurement whose recorded pressures are the true ones times this factor."""
 
     def change(run: MeasuredRun) -> MeasuredRun:
         pressure = factor * run.history.actuation["pressure_pa"]
@@ -77,7 +77,7 @@ def pressed(factor: float) -> Callable[[MeasuredRun], MeasuredRun]:
 
 
 def reading(factors: Mapping[str, float]) -> Callable[[MeasuredRun], MeasuredRun]:
-    """Readings as recorded are the true ones times these."""
+    """Return the measurement whose recorded readings are the true ones times these factors."""
     return lambda run: run.with_outputs({n: factors.get(n, 1.0) * v for n, v in run.outputs.items()})
 
 
@@ -135,7 +135,7 @@ def test_exchanged_axes_are_named() -> None:
     assert found.kind == "exchanged" and "x = z of the file, z = x of the file" in found.words
 
 
-def test_a_load_of_the_wrong_sign_or_unit_is_named() -> None:
+def test_a_load_with_a_wrong_sign_or_unit_is_named() -> None:
     def moments(factor: float) -> Callable[[MeasuredRun], MeasuredRun]:
         return lambda run: replace(run, history=run.history.with_(moment_n_m=factor * run.history.moment_n_m))
 
@@ -177,7 +177,7 @@ def test_a_rest_pose_that_nothing_explains_is_asked_about() -> None:
 
 
 def labelled(stated: Sequence[float], true: Sequence[float], *effects: EffectConfig) -> Measurement:
-    """Sweeps of eight modules with payloads, their labels changed afterwards."""
+    """Return sweeps of eight modules with payloads, with labels changed afterwards."""
     chain = sample_chain(modules=8)
     runs = [ramp(f"m{k}", 2e3, 0.5, payload_kg=mass) for k, mass in enumerate(true)]
     measurement = recorded(chain, runs, *effects)
@@ -224,7 +224,7 @@ def test_readings_that_fall_behind_are_a_clock() -> None:
 
 
 def random_record(seed: int, *effects: EffectConfig) -> tuple[ChainModel, Measurement]:
-    """Some chain, some runs, some sensors."""
+    """Return a random chain, random runs and random sensors."""
     rng = np.random.default_rng(seed)
     gravity = NO_GRAVITY if rng.random() < 0.25 else (0, 0, -9.81)
     payload, modules = float(rng.choice([0, 0.003, 0.02])), int(rng.choice([1, 2, 4, 8]))
@@ -252,7 +252,7 @@ def test_a_record_in_order_raises_none(seed: int) -> None:
     "kind",
     ["stiffness", "actuation_gain", "supply_lag", "viscoelastic", "friction_hysteresis", "gravity_scale"],
 )
-def test_physics_is_no_mistake_of_the_record(kind: str) -> None:
+def test_physics_is_no_mistake_in_the_record(kind: str) -> None:
     for seed in range(100, 104):
         assert not mistakes(*random_record(seed, effect(kind)))
 
@@ -270,8 +270,8 @@ def test_shipped_recordings_raise_none(study: str, tmp_path: Path) -> None:
     ("study", "says"),
     [("B", "the 2 runs labelled 13 g behave as if 19"), ("Bone", "the 2 runs labelled 13 g behave as if 18")],
 )
-def test_the_payload_of_a_trial_is_named(study: str, says: str, tmp_path: Path) -> None:
-    """19 g hung there, on a base tilted by 4°; loaded runs alone tell it within 1 g."""
+def test_the_payload_in_a_trial_is_named(study: str, says: str, tmp_path: Path) -> None:
+    """The payload was 19 g on a base tilted by 4°; loaded runs alone determine it within 1 g."""
     path = TRIALS / "chain_payload_and_tilt" / f"{study}.yaml"
     if not path.is_file():
         pytest.skip(f"{path} is not here")

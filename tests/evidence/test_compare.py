@@ -1,4 +1,4 @@
-"""Comparison by law: false alarms, power, shares, symmetry, scale; what cannot be judged is said so."""
+"""Comparison by law: false alarms, power, shares, symmetry, scale; questions that cannot be judged are reported."""
 
 from collections import defaultdict
 from dataclasses import replace
@@ -8,7 +8,8 @@ import pytest
 from tests.evidence.compare_data import angle, bench, colour, creep, falling_shift, measured_run
 
 from pliant.errors import UserError
-from pliant.evidence.comparison import compare, headline, interpret
+from pliant.evidence.comparison import compare
+from pliant.evidence.comparison_sentences import headline, interpret
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_json
@@ -36,7 +37,7 @@ def test_clean_data_raise_few_alarms():
     assert sum(any(place.loud for place in one.places) for one in found) <= 0.08 * sets
 
 
-def test_an_effect_of_the_falling_branch_is_found_there(friction):
+def test_an_effect_in_the_falling_branch_is_identified_there(friction):
     falling, rising = place(friction, "falling pressure"), place(friction, "rising pressure")
     assert falling.significant and falling.z > 10
     assert falling.outputs["angle_rad"].mean == pytest.approx(SHIFT, abs=1.2e-3)  # three standard errors
@@ -53,7 +54,7 @@ def test_a_drift_is_found_over_time_in_hold():
     assert comparison.rmse_over_floor > 2
 
 
-def test_errors_are_those_of_the_residual(friction):
+def test_errors_equal_the_residual(friction):
     measurement, predicted = bench(0, effect=falling_shift(SHIFT))
     pairs = zip(measurement.runs, predicted, strict=True)
     residual = np.concatenate([run.outputs["angle_rad"] - model["angle_rad"] for run, model in pairs])
@@ -87,14 +88,14 @@ def test_position_along_the_chain_finds_the_joint_that_is_off():
     assert comparison.depends_on["position"] > 0.05
 
 
-def test_the_order_of_the_runs_does_not_matter(friction):
+def test_the_run_order_does_not_matter(friction):
     measurement, predicted = bench(0, effect=falling_shift(SHIFT))
     order = np.random.default_rng(0).permutation(len(predicted))
     mixed = replace(measurement, runs=tuple(measurement.runs[k] for k in order))
     other = compare(mixed, [predicted[k] for k in order])
     assert other.rmse_over_floor == pytest.approx(friction.rmse_over_floor)
     assert other.n_effective == pytest.approx(friction.n_effective)
-    history = ("run_number", "past_pressure_pa")  # these are about the order
+    history = ("run_number", "past_pressure_pa")  # these test the order
     for p in friction.places:
         if p.covariate not in history:
             twin = place(other, p.condition)
@@ -130,8 +131,11 @@ def test_sentences():
 
 
 def off_both_ways(size, narrow, seed=0):
-    """The bench with errors of `size` noise floors and both signs at the highest pressures, and a small shift of one
-    sign, `narrow` floors, on the last run alone."""
+    """Return the comparison of a bench with two errors.
+
+    One error has `size` noise floors and both signs at the highest pressures; the other is a small shift of one sign,
+    `narrow` floors, of the last run alone.
+    """
     measurement, predicted = bench(seed, repeats=3)
     floor = compare(measurement, predicted).outputs["angle_rad"].noise_floor
     off = []
@@ -144,8 +148,8 @@ def off_both_ways(size, narrow, seed=0):
     return compare(measurement, off)
 
 
-def test_the_headline_names_where_most_of_the_squared_error_is():
-    """Most of it has both signs and so no mean; the place with a mean of one sign holds little of it."""
+def test_the_headline_names_where_most_squared_error_is():
+    """Most of it has both signs and hence no mean; the bin with a mean of one sign contains a small part of it."""
     comparison = off_both_ways(6.0, 1.5)
     place = headline(comparison)
     assert place.condition.startswith("pressure ") or "pressure" in place.covariate
@@ -156,7 +160,7 @@ def test_the_headline_names_where_most_of_the_squared_error_is():
 
 
 def test_a_small_share_is_no_headline():
-    """A shift of one run stands out by its mean, and no condition holds clearly more of the error than of the data."""
+    """A shift of one run is significant by its mean, but no condition has clearly more of the error than of data."""
     measurement, predicted = bench(0, repeats=3)
     every = [{"angle_rad": run["angle_rad"] - 0.02} for run in predicted]
     every[-1] = {"angle_rad": every[-1]["angle_rad"] - 0.004}
@@ -224,20 +228,22 @@ def test_states_without_equilibrium_are_counted():
 def constant(n, count):
     runs = []
     for k in range(count):
-        history = History.of({"pressure_pa": np.full(n, 5e3)}, 0.1 * np.arange(n), run=f"c{k}")
+        history = History.from_arrays({"pressure_pa": np.full(n, 5e3)}, 0.1 * np.arange(n), run=f"c{k}")
         noise = colour(np.random.default_rng(k), n, 0.004, 0.5) if n > 1 else np.array([0.001])
         runs.append(measured_run(history, {"angle_rad": angle(np.full(n, 5e3)) + noise}))
     return Measurement(tuple(runs), ("angle_rad",)), [{"angle_rad": angle(np.full(n, 5e3))}] * count
 
 
 def table(steps):
-    """States without time, twice."""
+    """Return a table of states without time, twice."""
     pressure = np.linspace(0, 15e3, steps)
     runs = []
     for k in range(2):
         reading = 1.1 * angle(pressure) + np.random.default_rng(k).normal(0, 0.004, steps)
         runs.append(
-            measured_run(History.of({"pressure_pa": pressure}, None, run=f"s{k}"), {"angle_rad": reading})
+            measured_run(
+                History.from_arrays({"pressure_pa": pressure}, None, run=f"s{k}"), {"angle_rad": reading}
+            )
         )
     return Measurement(tuple(runs), ("angle_rad",)), [{"angle_rad": angle(pressure)}] * 2
 
@@ -280,11 +286,13 @@ def test_awkward_measurements_are_compared(case):
     assert comparison_json(comparison)["n_samples"] == comparison.n_samples > 0
 
 
-def test_outputs_of_no_joint_are_named():
-    """The tip of a chain whose joints are read too."""
+def test_outputs_without_a_joint_are_named():
+    """The outputs are the tip of a chain whose joints are read too."""
     rng = np.random.default_rng(0)
     names = ("joint_1_angle_rad", "joint_2_angle_rad", "tip_x_m", "tip_z_m")
-    histories = [History.of({"pressure_pa": np.linspace(0, 15e3, 40)}, run=f"r{k}") for k in range(3)]
+    histories = [
+        History.from_arrays({"pressure_pa": np.linspace(0, 15e3, 40)}, run=f"r{k}") for k in range(3)
+    ]
     predicted = [{name: np.zeros(40) for name in names} for _ in histories]
     runs = [
         measured_run(h, {n: rng.normal(0.05 * n.startswith("tip"), 1e-3, 40) for n in names})

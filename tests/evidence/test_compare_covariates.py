@@ -1,4 +1,4 @@
-"""Covariates, their bins and what they tell of a residual."""
+"""Covariates, their bins and the part of a residual that they explain."""
 
 from dataclasses import replace
 
@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.evidence.compare_data import bench, measured_run, profile
 
-from pliant.evidence.comparison import residuals_of
+from pliant.evidence.comparison import run_residuals
 from pliant.evidence.covariates import Covariate, binned, covariates, crossed, phases
 from pliant.evidence.importance import importance
-from pliant.formatting import named_unit, number, unit_of
+from pliant.formatting import named_unit, number, output_unit
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
 
 @pytest.mark.parametrize("noise_pa", [0.0, 20.0])
-def test_phases_of_a_ramp_and_a_hold(noise_pa):
+def test_phases_in_a_ramp_and_a_hold(noise_pa):
     time, pressure = profile(1e3, 12.0)
     found = phases(pressure + np.random.default_rng(0).normal(0, noise_pa, len(time)), time)
     inside = lambda a, b: (time > a + 2) & (time < b - 2)  # noqa: E731 - away from the corners
@@ -43,21 +43,21 @@ def test_a_step_belongs_to_the_sample_that_it_leads_to():
     assert found.hold_s[4:].tolist() == [1.0, 2.0]
 
 
-def run_of(name, specimen, top, **conditions):
+def make_run(name, specimen, top, **conditions):
     time, pressure = profile(1e3, 3.0, top=top)
-    history = History.of({"pressure_pa": pressure}, time, run=name, specimen=specimen, **conditions)
+    history = History.from_arrays({"pressure_pa": pressure}, time, run=name, specimen=specimen, **conditions)
     return measured_run(history, {"angle_rad": np.zeros(len(time))})
 
 
-def test_the_largest_level_is_carried_from_run_to_run_of_a_specimen():
-    runs = (run_of("a", "A", 9e3), run_of("b", "B", 5e3), run_of("c", "A", 5e3))
+def test_the_largest_level_is_carried_from_run_to_run_on_a_specimen():
+    runs = (make_run("a", "A", 9e3), make_run("b", "B", 5e3), make_run("c", "A", 5e3))
     past = covariates(Measurement(runs, ("angle_rad",)))["past_pressure_pa"].values
     assert past[1].max() == pytest.approx(5e3, rel=0.02) and past[1][0] == 0
     assert (past[2] == past[0].max()).all()
 
 
 def test_only_what_varies_is_a_covariate():
-    alike = Measurement((run_of("a", "A", 9e3), run_of("b", "A", 9e3)), ("angle_rad",))
+    alike = Measurement((make_run("a", "A", 9e3), make_run("b", "A", 9e3)), ("angle_rad",))
     names = covariates(alike).names
     assert {"pressure_pa", "direction", "hold_s", "clock_s", "run_number"} <= set(names)
     absent = {
@@ -70,17 +70,19 @@ def test_only_what_varies_is_a_covariate():
         "cycle",
     }
     assert not absent & set(names)
-    warm = run_of(
+    warm = make_run(
         "b", "B", 9e3, temperature_c=40.0, moment_n_m=-0.01, payload_kg=0.02, base_angles_rad=[0.5, 0, 0]
     )
-    mixed = Measurement((run_of("a", "A", 9e3), warm, run_of("c", "A", 9e3, moment_n_m=0.01)), ("angle_rad",))
+    mixed = Measurement(
+        (make_run("a", "A", 9e3), warm, make_run("c", "A", 9e3, moment_n_m=0.01)), ("angle_rad",)
+    )
     expected = {"temperature_c", "moment_n_m", "moment_direction", "payload_kg", "specimen", "base_roll_rad"}
     assert expected <= set(covariates(mixed).names)
 
 
 def test_force_directions():
     runs = [
-        run_of(str(k), "", 9e3, tip_force_n=f) for k, f in enumerate(([0, 0, -1], [0.5, 0, 0], [0, 0, 0]))
+        make_run(str(k), "", 9e3, tip_force_n=f) for k, f in enumerate(([0, 0, -1], [0.5, 0, 0], [0, 0, 0]))
     ]
     bins = binned(covariates(Measurement(tuple(runs), ("angle_rad",)))["tip_force_direction"])
     words = [bins.words[codes[0]] for codes in bins.codes]
@@ -111,7 +113,7 @@ def test_levels_get_a_bin_each_and_a_ramp_does_not():
         "held pressure",
     )
     ramp = Covariate("pressure_pa", named_unit("pressure", "Pa"), (np.linspace(0, 15e3, 400),))
-    bins = binned(ramp)  # no value that many share
+    bins = binned(ramp)  # no value that many readings share
     assert bins.words[0] == "pressure below 3 kPa" and bins.words[1] == "pressure 3 to 6 kPa"
     counts = np.bincount(bins.codes[0])
     assert counts.min() > 40
@@ -158,7 +160,7 @@ def test_the_covariate_that_made_a_residual_tells_most(name):
 def test_noise_and_a_constant_are_told_by_nothing():
     measurement, predicted = bench(1, phi=0.0)
     biased = [{"angle_rad": run["angle_rad"] - 0.1} for run in predicted]
-    told = importance(residuals_of(measurement, biased), covariates(measurement))
+    told = importance(run_residuals(measurement, biased), covariates(measurement))
     assert max(told.values()) < 0.03
 
 
@@ -188,8 +190,8 @@ def test_numbers_along_the_chain():
 
 
 def test_units_for_people():
-    assert unit_of("tip_x_m").text(0.0123) == "12.3 mm"
-    assert unit_of("joint_2_angle_rad").text(np.pi) == "180°"
-    assert unit_of("elongation_strain").axis == "elongation (%)"
-    assert unit_of("angle_rad").label == "bend angle"
+    assert output_unit("tip_x_m").text(0.0123) == "12.3 mm"
+    assert output_unit("joint_2_angle_rad").text(np.pi) == "180°"
+    assert output_unit("elongation_strain").axis == "elongation (%)"
+    assert output_unit("angle_rad").label == "bend angle"
     assert [number(v, 3) for v in (-0.5, 1234.0, np.nan, 0.0)] == ["−0.5", "1234", "–", "0"]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.evidence.compare_data import bench, colour
 
-from pliant.evidence.places import Noise, bin_means, coloured_count, noise_of, significant
+from pliant.evidence.places import Noise, bin_means, coloured_count, output_noise, significant
 from pliant.evidence.scores import block_sums, interval
 from pliant.measurements.floors import noise_floors
 from pliant.measurements.repeats import repeat_groups
@@ -24,7 +24,7 @@ def test_the_coloured_count_is_the_double_sum(code, phi, mask):
     np.testing.assert_allclose(coloured_count(code, there, 3, phi), expected, atol=1e-9)
 
 
-def test_the_standard_error_of_a_bin_is_the_scatter_of_its_mean():
+def test_the_standard_error_in_a_bin_is_the_scatter_in_its_mean():
     rng = np.random.default_rng(0)
     codes = [np.arange(60) // 20 % 2, np.arange(40) // 10 % 2]
     noise = Noise(within=1.0, between=0.5, memory_s=-0.1 / np.log(0.7))
@@ -46,7 +46,7 @@ def test_few_repeats_make_the_test_cautious():
 
 
 def test_benjamini_and_hochberg_by_their_own_example():
-    """The 15 p-values of their section 3.3: four are rejected at 0.05."""
+    """Four of the 15 p-values of their section 3.3 are rejected at 0.05."""
     p = [0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262, 0.5719]
     p = np.array([*p, 0.6528, 0.7590, 1.0])
     mixed = np.random.default_rng(0).permutation(len(p))
@@ -57,7 +57,7 @@ def test_benjamini_and_hochberg_by_their_own_example():
 
 @pytest.mark.parametrize("runs", [3, 12])
 def test_intervals_cover_what_they_say(runs):
-    """95 % intervals of a mean, by stretches of three runs and by twelve whole runs of coloured noise."""
+    """95 % intervals of a mean, by blocks of three runs and by twelve whole runs of coloured noise."""
     rng, hits, sets = np.random.default_rng(runs), 0, 400
     memory = [6 * -1 / np.log(0.8)] * runs
     for seed in range(sets):
@@ -72,10 +72,10 @@ def test_two_blocks_have_no_interval():
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.8, 0.95])
-def test_the_memory_of_noise_is_found_in_repeats(phi):
+def test_the_noise_memory_is_estimated_from_repeats(phi):
     measurement, _ = bench(1, phi=phi, offset=0.003)
     floor = noise_floors(measurement)["angle_rad"]
-    found = noise_of(
+    found = output_noise(
         floor, measurement, repeat_groups(measurement), [r.outputs["angle_rad"] for r in measurement.runs]
     )
     assert found.correlation(0.1) == pytest.approx(phi, abs=0.06)

@@ -9,7 +9,7 @@ from tests.command import called
 from tests.evidence.compare_data import colour, profile
 
 from pliant import api
-from pliant.evidence.comparison import interpret
+from pliant.evidence.comparison_sentences import interpret
 
 STUDY = """\
 pliant: 1
@@ -26,7 +26,7 @@ CONTRACT = {"pliant", "command", "outputs", "rmse_over_floor", "runs", "worst", 
 
 
 def bend(pressure, moment):
-    """The stated law's equilibrium, by Newton."""
+    """Return the stated law's equilibrium angle, by Newton's method."""
     u = np.zeros_like(pressure)
     for _ in range(40):
         effort = 1.637e-6 * pressure - 1.704e-6 * pressure * u - 0.1012 * u * abs(u) / 2 - 0.0245 * u - moment

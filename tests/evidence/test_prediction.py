@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import BENCH, ENGINE, P, blank, effect, predictor_of, ramp
+from tests.diagnosis.quick import BENCH, ENGINE, P, blank, effect, make_predictor, ramp
 
 from pliant.errors import NotReachedError, UserError
 from pliant.evidence.prediction import Predictor
@@ -25,15 +25,15 @@ NAMES = ["angle_rad", *(f"joint_{k}_angle_rad" for k in range(1, N + 1)), *POSIT
 
 def read(*names: str, **more: object) -> tuple[dict[str, np.ndarray], ...]:
     measurement = blank(RUNS, names or NAMES)
-    return predictor_of(
+    return make_predictor(
         CHAIN, Measurement(measurement.runs, measurement.outputs, "bench.csv", **more)
     ).predict()
 
 
-def markers_of(run: int) -> np.ndarray:
+def marker_path(run: int) -> np.ndarray:
     paths, _ = ENGINE.follow(CHAIN, RUNS)
     turns = base_rotations(CHAIN.base_rotation, RUNS[run].base_angles_rad)
-    return trajectory(ChainGeometry.of(CHAIN), paths[run].joint_angles, turns)
+    return trajectory(ChainGeometry.from_chain(CHAIN), paths[run].joint_angles, turns)
 
 
 def test_angles_are_joints_and_their_sum() -> None:
@@ -46,7 +46,7 @@ def test_angles_are_joints_and_their_sum() -> None:
 
 @pytest.mark.parametrize("run", [0, 1])
 def test_marker_k_is_joint_k_and_the_last_one_the_tip(run: int) -> None:
-    readings, markers = read()[run], markers_of(run)
+    readings, markers = read()[run], marker_path(run)
     for name, place in (("tip", N + 1), ("marker_1", 1), ("marker_4", 4), (f"marker_{N + 1}", N + 1)):
         got = np.stack([readings[f"{name}_{axis}_m"] for axis in "xyz"], axis=1)
         np.testing.assert_allclose(got, markers[:, place], atol=1e-15)
@@ -66,7 +66,7 @@ def test_a_marker_beside_the_line_turns_with_its_piece() -> None:
             )
             for t in range(len(moved)):
                 bent = CHAIN.with_(base_rotation=turns[t])
-                frame = ChainGeometry.of(bent).forward(paths[run].joint_angles[t]).rotations[body]
+                frame = ChainGeometry.from_chain(bent).forward(paths[run].joint_angles[t]).rotations[body]
                 np.testing.assert_allclose(moved[t], frame @ aside, atol=1e-12)
 
 
@@ -74,7 +74,7 @@ def test_markers_with_arms_lie_on_the_rigid_pieces() -> None:
     length = CHAIN.length_m
     arms = (0.0, 0.0055, 0.011, length - 0.001, length)
     names = [f"marker_{k}_x_m" for k in range(1, 6)]
-    readings, markers = read(*names, marker_arms_m=arms)[0], markers_of(0)[:, :, 0]
+    readings, markers = read(*names, marker_arms_m=arms)[0], marker_path(0)[:, :, 0]
     wanted = [
         markers[:, 0],
         markers[:, 1],
@@ -93,8 +93,8 @@ def test_a_marker_beyond_the_chain_is_refused() -> None:
 
 def test_prismatic_chains_read_a_strain() -> None:
     chain = sample_chain(linear_prismatic_law(), modules=2, gravity=(0, 0, 0))
-    runs = [History.of({"pressure_pa": np.array([0.0, P])}, np.arange(2.0))]
-    predictor = predictor_of(chain, blank(runs, ["elongation_strain", "angle_rad"]))
+    runs = [History.from_arrays({"pressure_pa": np.array([0.0, P])}, np.arange(2.0))]
+    predictor = make_predictor(chain, blank(runs, ["elongation_strain", "angle_rad"]))
     assert predictor.missing == ("angle_rad",)
     law = linear_prismatic_law()
     wanted = 2 * law.gain[0] * P / law.stiffness[0, 0] / 0.022
@@ -105,13 +105,13 @@ def test_prismatic_chains_read_a_strain() -> None:
     "name", ["joint_0_angle_rad", "joint_7_angle_rad", f"marker_{N + 2}_x_m", "elongation_strain"]
 )
 def test_outputs_that_the_model_lacks_are_told(name: str) -> None:
-    assert predictor_of(CHAIN, blank(RUNS, ["angle_rad", name])).missing == (name,)
+    assert make_predictor(CHAIN, blank(RUNS, ["angle_rad", name])).missing == (name,)
     with pytest.raises(UserError, match=f"none of the measured outputs \\({name}\\); a chain of 6 revolute"):
-        predictor_of(CHAIN, blank(RUNS, [name]))
+        make_predictor(CHAIN, blank(RUNS, [name]))
 
 
 def test_a_sensor_bias_moves_angles_and_no_position() -> None:
-    predictor = predictor_of(CHAIN, blank(RUNS, NAMES))
+    predictor = make_predictor(CHAIN, blank(RUNS, NAMES))
     plain, biased = predictor.predict()[0], predictor.predict([effect("sensor_bias", bias_rad=0.03)])[0]
     for name in NAMES:
         shift = 0.0 if name.endswith("_m") else 0.03
@@ -121,8 +121,8 @@ def test_a_sensor_bias_moves_angles_and_no_position() -> None:
 def test_the_study_s_effects_are_always_there() -> None:
     gain, bias = effect("actuation_gain"), effect("sensor_bias")
     measurement = blank(RUNS, ["angle_rad", "tip_x_m"])
-    study = predictor_of(CHAIN, measurement, gain, bias)
-    bare = predictor_of(CHAIN, measurement)
+    study = make_predictor(CHAIN, measurement, gain, bias)
+    bare = make_predictor(CHAIN, measurement)
     stiff = effect("stiffness")
     pairs = [
         (study.predict(), bare.predict([gain, bias])),
@@ -135,15 +135,15 @@ def test_the_study_s_effects_are_always_there() -> None:
 
 
 def test_other_histories_are_read_with_their_own_base() -> None:
-    predictor = predictor_of(CHAIN, blank(RUNS[:1], ["tip_x_m"]))
+    predictor = make_predictor(CHAIN, blank(RUNS[:1], ["tip_x_m"]))
     there = predictor.evaluate((), [RUNS[1], RUNS[0]])
-    wanted = predictor_of(CHAIN, blank(RUNS, ["tip_x_m"])).predict()
+    wanted = make_predictor(CHAIN, blank(RUNS, ["tip_x_m"])).predict()
     np.testing.assert_allclose(there.runs[0]["tip_x_m"], wanted[1]["tip_x_m"], atol=1e-12)
     np.testing.assert_allclose(there.runs[1]["tip_x_m"], wanted[0]["tip_x_m"], atol=1e-12)
 
 
 def test_an_effect_that_moves_the_base_moves_the_readings() -> None:
-    """A model whose inputs or chain are turned is read where it is, not where the bench meant it to be."""
+    """A model with turned inputs or a turned chain is read in its actual pose, not in the bench's nominal one."""
 
     class Turned(Predictor):
         def _changed(self, model, effects):
@@ -156,13 +156,13 @@ def test_an_effect_that_moves_the_base_moves_the_readings() -> None:
     turned = Turned(BENCH, ENGINE, CHAIN, measurement).predict([effect("stiffness", factor=1.0)])
     meant = blank([RUNS[0].with_(base_angles_rad=RUNS[0].base_angles_rad + [0.0, 0.5, 0.0])], ["tip_x_m"])
     np.testing.assert_allclose(
-        turned[0]["tip_x_m"], predictor_of(CHAIN, meant).predict()[0]["tip_x_m"], atol=1e-12
+        turned[0]["tip_x_m"], make_predictor(CHAIN, meant).predict()[0]["tip_x_m"], atol=1e-12
     )
 
 
 @pytest.mark.parametrize("kind", ["stiffness", "supply_lag", "mullins", "sensor_bias", "gravity_scale"])
-def test_changes_of_readings_are_differences_of_predictions(kind: str) -> None:
-    predictor = predictor_of(CHAIN, blank(RUNS, ["angle_rad", "tip_z_m"]))
+def test_reading_changes_are_prediction_differences(kind: str) -> None:
+    predictor = make_predictor(CHAIN, blank(RUNS, ["angle_rad", "tip_z_m"]))
     base = effect(kind)
     name = next(field for field in type(base).model_fields if field != "kind")
     value = getattr(base, name)
@@ -185,7 +185,7 @@ def impossible(angle, rate, dt, p, t, old, new, c):
 def test_states_without_equilibrium_read_nothing() -> None:
     def predicted(above: float):
         chain = CHAIN.with_(terms=(LawTerm("moment", impossible, (above,)),))
-        return predictor_of(chain, blank(RUNS, ["angle_rad", "tip_x_m"]))
+        return make_predictor(chain, blank(RUNS, ["angle_rad", "tip_x_m"]))
 
     some = predicted(10e3).evaluate()
     for run, history in zip(some.runs, RUNS, strict=True):
@@ -201,9 +201,9 @@ def test_dynamics_faster_than_the_sampling_are_integrated_finely() -> None:
     """A dashpot of T = 0.2 s on a linear joint, read every 0.4 s, against e^(−t/T): twice the steps change little."""
     time_s = 0.4 * np.arange(40)
     push = np.where((time_s >= 2.0) & (time_s < 9.0), 1e-5, 0.0)  # small: a linear joint
-    history = History.of({"pressure_pa": 0.0 * time_s}, time_s, moment_n_m=push)
+    history = History.from_arrays({"pressure_pa": 0.0 * time_s}, time_s, moment_n_m=push)
     chain = sample_chain(modules=1).with_(gravity_m_s2=np.zeros(3))
-    predictor = predictor_of(chain, blank([history]))
+    predictor = make_predictor(chain, blank([history]))
     static = predictor.predict()[0]["angle_rad"]
     read = predictor.predict([effect("viscous_damping", time_s=0.2)])[0]["angle_rad"]
     exact, fine = [0.0], np.interp(0.001 * np.arange(15601), time_s, static)
@@ -216,12 +216,12 @@ def test_dynamics_faster_than_the_sampling_are_integrated_finely() -> None:
 
 
 def test_models_without_memory_need_one_step_and_runs_without_a_clock_too() -> None:
-    predictor = predictor_of(sample_chain(modules=1), blank([ramp("run", 5e3, 0.5)]))
+    predictor = make_predictor(sample_chain(modules=1), blank([ramp("run", 5e3, 0.5)]))
     assert predictor.steps_between_samples([effect("stiffness", factor=1.2)]) == 1
     assert predictor.steps_between_samples([effect("viscous_damping", time_s=0.3)]) > 1
-    still = History.of({"pressure_pa": np.linspace(0.0, P, 9)})
+    still = History.from_arrays({"pressure_pa": np.linspace(0.0, P, 9)})
     assert (
-        predictor_of(sample_chain(modules=1), blank([still])).steps_between_samples(
+        make_predictor(sample_chain(modules=1), blank([still])).steps_between_samples(
             [effect("friction_hysteresis")]
         )
         == 1
@@ -233,7 +233,7 @@ def test_a_refined_history_goes_through_the_samples_along_straight_lines(parts: 
     rng = np.random.default_rng(parts)
     time_s = np.cumsum(rng.uniform(0.1, 1.0, 12))
     valve = (rng.random(12) > 0.4).astype(float)
-    history = History.of(
+    history = History.from_arrays(
         {"pressure_pa": rng.normal(size=12)}, time_s, moment_n_m=rng.normal(size=12), valve_open=valve
     )
     fine = history.refined(parts)
@@ -244,4 +244,4 @@ def test_a_refined_history_goes_through_the_samples_along_straight_lines(parts: 
     assert np.allclose(fine.actuation["pressure_pa"], between)
     assert np.array_equal(
         fine.valve_open[1:], np.repeat(valve[1:], parts)
-    )  # of the step that leads to a sample
+    )  # of the step that ends at a sample

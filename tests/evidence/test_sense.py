@@ -1,4 +1,4 @@
-"""Readings that go the other way than the model are a sign, not physics."""
+"""Readings opposite to the model indicate a sign error and not physics."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_swapped_chambers_are_named(tmp_path: Path) -> None:
     assert "their signs in 'chain.actuators'" in found.remedy
 
 
-def test_one_chamber_of_two_is_missing(tmp_path: Path) -> None:
+def test_one_chamber_in_two_is_missing(tmp_path: Path) -> None:
     rows = [line.split(",") for line in (EXAMPLE / "bench.csv").read_text().splitlines()]
     short = tmp_path / "short.csv"
     short.write_text("\n".join(",".join([*row[:3], *row[4:]]) for row in rows) + "\n")

@@ -1,4 +1,4 @@
-"""The data sets of examples/data: they read back, hold what their provenance says, and are what the FEM gives."""
+"""The data sets of examples/data: they can be read, agree with their provenance, and agree with the FEM."""
 
 import json
 from pathlib import Path
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pliant import api
+from pliant.fem_tables.reading import read_table
 from pliant.pipeline.dataset import MAIN, module_problems
-from pliant.pipeline.study import laws_of_study
-from pliant.tabular.fem_reading import read_table
+from pliant.pipeline.study import build_study_laws
 
 DATA = Path(__file__).parents[2] / "examples/data"
 FAMILIES = ("bellow_bending", "bellow_helical", "bellow_translational", "tendon_joint")
@@ -33,7 +33,7 @@ def test_the_table_reads_back_with_both_branches(family):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_the_provenance_is_that_of_the_study_beside_it(family):
+def test_the_provenance_equals_the_study_next_to_it(family):
     told = json.loads((DATA / f"{family}.json").read_text())
     study = api.open_study(DATA / "fem" / f"{family}.yaml").study
     for block in ("family", "material", "fem"):
@@ -50,7 +50,7 @@ def test_the_study_beside_it_has_its_family_and_fits_a_law(family, tmp_path):
     made = api.open_study(DATA / "fem" / f"{family}.yaml").study
     assert opened.study.family == made.family
     assert opened.study.material == made.material
-    (stages,) = laws_of_study(opened.bench, opened.study)
+    (stages,) = build_study_laws(opened.bench, opened.study)
     assert stages.law.law.joint == opened.bench.build("family", made.family).joint
     assert stages.law.report.worst_of_range < 0.01
 

@@ -1,4 +1,4 @@
-"""The studies of examples/shape_matching and examples/gripper_codesign: what they search is what the docs say."""
+"""The studies of examples/shape_matching and examples/gripper_codesign search what the docs state."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.chain import base_rotation
 from pliant.pipeline.segments import chain_length_m
-from pliant.search.problem.feasibility import require_reachable
-from pliant.search.problem.search_problem import SearchProblem
 from pliant.testing.samples import sample_chain
+from pliant_search.problem.feasibility import require_reachable
+from pliant_search.problem.search_problem import SearchProblem
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GRASPS = 14_400
 TASKS = ("egg-5", "egg-6", "egg-7", "cylinder-2", "cylinder-3", "cylinder-4")
 
 
-def problem_of(name: str) -> tuple[api.OpenStudy, SearchProblem]:
+def open_problem(name: str) -> tuple[api.OpenStudy, SearchProblem]:
     opened = api.open_study(EXAMPLES / name)
-    return opened, SearchProblem.of(opened.study, opened.bench.registry)
+    return opened, SearchProblem.from_study(opened.study, opened.bench.registry)
 
 
 def structures() -> set[tuple[int, ...]]:
-    """25 to 29 modules in four segments, none with more than two above another."""
+    """Return the structures of 25 to 29 modules in four segments that differ by at most two."""
     splits = itertools.product(range(1, 20), repeat=4)
     return {s for s in splits if 25 <= sum(s) <= 29 and max(s) - min(s) <= 2}
 
 
 @pytest.mark.parametrize("name", ["helix", "free_roll", "halving", "per_segment_pressure"])
-def test_the_structures_are_the_81_of_the_study(name: str) -> None:
-    _, problem = problem_of(f"shape_matching/{name}.yaml")
+def test_the_structures_are_the_81_in_the_study(name: str) -> None:
+    _, problem = open_problem(f"shape_matching/{name}.yaml")
     found = [tuple(branch[f"n{k}"] for k in (1, 2, 3, 4)) for branch in problem.branches()]
     assert len(found) == len(structures()) == 81
     assert set(found) == structures()
 
 
-def test_integers_are_searched_in_one_search_of_as_many_candidates() -> None:
-    _, separate = problem_of("shape_matching/free_roll.yaml")
-    _, joint = problem_of("shape_matching/integers.yaml")
+def test_integers_are_searched_in_one_search_with_as_many_candidates() -> None:
+    _, separate = open_problem("shape_matching/free_roll.yaml")
+    _, joint = open_problem("shape_matching/integers.yaml")
     assert joint.branches() == ({},)
     assert joint.config.budget == 81 * separate.config.budget
-    _, small = problem_of("shape_matching/small.yaml")
+    _, small = open_problem("shape_matching/small.yaml")
     assert (len(small.branches()), len(small.branches()) * small.config.budget) == (3, 30)
     assert len(joint.space().variables) == len(separate.space().variables) + 4
     values: dict[str, Any] = dict.fromkeys([v.name for v in joint.variables], 0.0)
@@ -57,9 +57,9 @@ def test_integers_are_searched_in_one_search_of_as_many_candidates() -> None:
     assert joint.violated({**values, **dict(zip(("n1", "n2", "n3", "n4"), outside, strict=True))})
 
 
-def test_the_other_reading_stays_within_the_data_of_its_laws() -> None:
-    _, joint = problem_of("shape_matching/integers.yaml")
-    _, other = problem_of("shape_matching/axis_along_base.yaml")
+def test_the_other_reading_stays_within_its_laws_data() -> None:
+    _, joint = open_problem("shape_matching/integers.yaml")
+    _, other = open_problem("shape_matching/axis_along_base.yaml")
     assert [v.name for v in other.variables] == [v.name for v in joint.variables]
     values: dict[str, Any] = {v.name: 0.0 for v in other.variables} | {"n1": 7, "n2": 7, "n3": 7, "n4": 6}
     assert not other.metric_violations(values, {"outside_domain": 0.0})
@@ -67,7 +67,7 @@ def test_the_other_reading_stays_within_the_data_of_its_laws() -> None:
 
 
 def test_a_candidate_sets_every_segment() -> None:
-    opened, problem = problem_of("shape_matching/per_segment_pressure.yaml")
+    opened, problem = open_problem("shape_matching/per_segment_pressure.yaml")
     values: dict[str, Any] = {v.name: v.variable.high for v in problem.variables}
     values |= {"n1": 8, "n2": 8, "n3": 7, "n4": 6, "share2": 0.5}
     study = problem.apply(values, 0)
@@ -81,7 +81,7 @@ def test_a_candidate_sets_every_segment() -> None:
 
 
 def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modules_do() -> None:
-    opened, problem = problem_of("shape_matching/helix.yaml")
+    opened, problem = open_problem("shape_matching/helix.yaml")
     study = problem.apply({v.name: v.stated for v in problem.variables}, 0)
     assert study.chain is not None and study.task is not None
     base = base_rotation(study.chain.base)
@@ -100,16 +100,16 @@ def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modu
 
 @pytest.mark.parametrize("name", ["gripper", "cmaes", "optuna"])
 def test_optimizers_get_as_many_grasps(name: str) -> None:
-    opened, problem = problem_of(f"gripper_codesign/{name}.yaml")
+    opened, problem = open_problem(f"gripper_codesign/{name}.yaml")
     assert [condition.name for condition in problem.conditions] == list(TASKS)
-    assert opened.study.optimizer is not None
-    contextual = opened.study.optimizer.kind == "ppo"
+    assert opened.study.block("optimizer") is not None
+    contextual = opened.study.block("optimizer").kind == "ppo"
     assert problem.config.budget * (1 if contextual else len(TASKS)) == GRASPS
     assert problem.maximised == (True,)
 
 
 def test_a_design_and_its_use_reach_the_study() -> None:
-    _, problem = problem_of("gripper_codesign/gripper.yaml")
+    _, problem = open_problem("gripper_codesign/gripper.yaml")
     values: dict[str, Any] = {v.name: v.variable.low for v in problem.variables}
     egg, cylinder = problem.apply(values, 2), problem.apply(values, 5)
     assert (egg.task.object.shape, egg.task.extra_weights, egg.task.base_inset_m) == ("egg", 7, 0.0)
@@ -121,19 +121,19 @@ def test_a_design_and_its_use_reach_the_study() -> None:
 
 
 def test_bellows_without_room_for_their_arcs_are_turned_away() -> None:
-    _, problem = problem_of("gripper_codesign/gripper.yaml")
+    _, problem = open_problem("gripper_codesign/gripper.yaml")
     values: dict[str, Any] = {v.name: v.variable.low for v in problem.variables}
     assert not problem.violated(values)
     assert problem.violated({**values, "r": 4e-3, "R": 6e-3, "l": 12e-3})
 
 
 def longer(tmp_path: Path, target: str) -> tuple[api.OpenStudy, SearchProblem]:
-    """The shape-matching study with another target."""
+    """Return the shape-matching study with another target."""
     path = tmp_path / "longer.yaml"
     extends = EXAMPLES / "shape_matching/helix.yaml"
     path.write_text(f"pliant: 1\nextends: {extends}\nname: longer\ntask: {{target: {target}}}\n")
     opened = api.open_study(path)
-    return opened, SearchProblem.of(opened.study, opened.bench.registry)
+    return opened, SearchProblem.from_study(opened.study, opened.bench.registry)
 
 
 def test_a_target_longer_than_any_chain_is_refused_before_the_search(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def make(study: str = "gripper_codesign") -> ModuleType:
     return module
 
 
-def test_the_grippers_designs_are_those_of_the_script_and_can_be_built() -> None:
+def test_the_grippers_designs_equal_the_script_and_can_be_built() -> None:
     script = make()
     assert script.DESIGNS.read_text(encoding="utf-8") == script.designs_text()
     rows = script.designs()

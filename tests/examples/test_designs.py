@@ -1,4 +1,4 @@
-"""The tables of examples/designs: they read back as the designs of the studies beside them."""
+"""The tables of examples/designs can be read as the designs of the studies in the same folder."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from pliant import api
 from pliant.config.designs import sweep_designs
 from pliant.errors import InvalidDesignError
+from pliant.fem_tables.reading import read_designs_table
 from pliant.records.fem import SELF_CONTACT, TRUSTED
-from pliant.tabular.fem_reading import read_designs_table
 
 DESIGNS = Path(__file__).parents[2] / "examples/designs"
 TABLES = {"bending_grid": 56, "bending_test": 24, "helical_grid": 25, "helical_test": 8}
@@ -19,7 +19,7 @@ SWEPT = ("inner_radius_m", "average_radius_m", "module_length_m")
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_table_has_the_designs_of_its_study(name: str, tmp_path: Path) -> None:
+def test_a_table_has_its_study_designs(name: str, tmp_path: Path) -> None:
     opened = api.open_study(DESIGNS / "fem" / f"{name}.yaml", store=tmp_path)
     possible = []
     for design in sweep_designs(opened.study):
@@ -36,7 +36,7 @@ def test_a_table_has_the_designs_of_its_study(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_states_of_a_table_are_sound(name: str) -> None:
+def test_states_in_a_table_are_sound(name: str) -> None:
     for data in read_designs_table(DESIGNS / f"{name}.csv"):
         free = data.branch == "free"
         main = data.axes.index(data.main_axis)

@@ -1,4 +1,4 @@
-"""The notebooks of examples/notebooks, cell by cell, as Jupyter runs them: the last expression of a cell is shown."""
+"""The notebooks of examples/notebooks, run cell by cell as in Jupyter: the last expression of a cell is shown."""
 
 import ast
 import json
@@ -13,7 +13,7 @@ pytest.importorskip("pandas")
 
 
 def executed(name: str, monkeypatch: pytest.MonkeyPatch, store: Path) -> tuple[dict[str, Any], list[Any]]:
-    """The names and the shown values of a notebook, run in its own folder with the store elsewhere."""
+    """Return the names and the shown values of a notebook, run in its own folder with the store elsewhere."""
     matplotlib.use("Agg")
     monkeypatch.chdir(NOTEBOOKS)
     monkeypatch.setattr("pliant.notebook.study.open_study.__kwdefaults__", {"store": store})

@@ -1,4 +1,4 @@
-"""The made-up joint with opposed chambers: the recording is its script's, and the loop walks to the noise."""
+"""The invented joint with opposed chambers: its script reproduces the recording, and the loop reaches the noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Executors: how they are named, how processes begin and end, what a script without its guard is told."""
+"""Executors: their names, start and end of processes, and the message for a script without its guard."""
 
 import os
 import subprocess
@@ -43,7 +43,7 @@ def test_an_executor_is_made_from_what_is_said(workers, most, made):
         assert executor.size == (2 if made is ProcessExecutor else 1)
 
 
-def test_an_executor_of_the_callers_is_not_shut_down():
+def test_an_executor_from_the_caller_is_not_shut_down():
     with ThreadPoolExecutor(1) as pool:
         with executor_for(pool) as executor:
             assert type(executor) is FuturesExecutor
@@ -51,7 +51,7 @@ def test_an_executor_of_the_callers_is_not_shut_down():
 
 
 @pytest.mark.parametrize("workers", [0, -1, True, 5000])
-def test_a_number_of_workers_that_is_none_is_refused(workers):
+def test_an_invalid_worker_count_is_refused(workers):
     with pytest.raises(UserError, match="whole number from 1"), executor_for(workers):
         pass
 
@@ -67,7 +67,7 @@ def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch
         assert [os.environ[name] for name in THREADS] == ["3", "1", "1", "1"]
 
 
-def test_threads_of_this_process_are_those_that_blas_may_have(monkeypatch):
+def test_threads_in_this_process_are_those_that_blas_may_have(monkeypatch):
     for stated, made, size in (("1", InlineExecutor, 1), ("3", ThreadExecutor, 3)):
         monkeypatch.setenv("OMP_NUM_THREADS", stated)
         with executor_for(1, threads=own_threads()) as executor, JobQueue(executor, abs) as queue:

@@ -1,4 +1,4 @@
-"""Jobs: who kills a worker twice, the second time alone, has failed, and nobody else loses anything."""
+"""Jobs: a job that kills a worker twice, the second time alone, has failed, and no other job is lost."""
 
 import errno
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -17,9 +17,9 @@ class KilledWorker(Exception):  # noqa: N818 - as dask names it
 
 
 class Mortal(InlineExecutor):
-    """Workers that die, or lose a job, under the calls that a test names.
+    """An executor whose workers die, or lose a job, under the calls that a test names.
 
-    A pool takes what is under way with it; with `holds`, that is everything until a worker dies.
+    A pool loses its jobs in progress with a worker; with `holds`, these are all jobs until a worker dies.
     """
 
     def __init__(self, dies, error=BrokenExecutor, size=1, restarts=True, holds=False):
@@ -55,7 +55,7 @@ def everything(queue):
 
 
 @pytest.mark.parametrize(("size", "under_way"), [(1, 1), (2, 3), (4, 5), (None, 9)])
-def test_each_worker_has_a_job_and_one_waits_and_an_unknown_number_of_workers_has_all(size, under_way):
+def test_each_worker_has_a_job_and_one_waits_and_an_unknown_worker_count_has_all(size, under_way):
     executor = Mortal(lambda items, calls: False, size=size, holds=True)
     queue = JobQueue(executor, square)
     for k in range(9):
@@ -136,7 +136,7 @@ def test_an_executor_that_cannot_be_restarted_says_that_it_broke():
         list(queue.each([1]))
 
 
-def test_workers_that_end_before_they_begin_are_no_fault_of_a_job():
+def test_workers_that_end_before_they_begin_are_no_job_failure():
     class FailedAtStart(Mortal):
         def submit(self, function, work, items):
             future = Future()

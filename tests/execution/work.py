@@ -1,4 +1,4 @@
-"""What workers of the tests do; of a module, so that other processes find it."""
+"""Work of the workers in the tests, in a module so that other processes can import it."""
 
 import os
 from pathlib import Path
@@ -9,7 +9,7 @@ def square(number):
 
 
 def deadly(item):
-    """Square it, unless it is odd: then the process dies, as often as (number, folder, times) says."""
+    """Square the number, unless it is odd: then the process ends, as often as (number, folder, times) states."""
     number, folder, times = item
     with (Path(folder) / str(number)).open("a") as file:
         file.write(f"{os.getpid()}\n")

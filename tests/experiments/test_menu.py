@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import blank, joint, measurement_of, poor, predictor_of, pushes, run_of
-from tests.mechanics.test_several_actuations import chain_of, several_law
+from tests.diagnosis.quick import blank, joint, make_history, make_measurement, make_predictor, poor, pushes
+from tests.mechanics.test_several_actuations import make_chain, several_law
 
 from pliant.config.protocols import OPTIONS
-from pliant.diagnosis.next_run import catalogue_of
+from pliant.diagnosis.next_run import candidate_runs
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
 from pliant.experiments.planned_run import (
@@ -19,7 +19,7 @@ from pliant.experiments.planned_run import (
     corners,
     named_run,
     steps,
-    sum_of_efforts,
+    total_effort,
     triangles,
 )
 from pliant.records.chain import Actuator
@@ -31,12 +31,12 @@ OPPOSED = joint(actuators=[{"input": "pressure_1_pa", "sign": 1}, {"input": "pre
 
 
 def scaled(histories, chain=CHAIN) -> BenchScale:
-    return BenchScale.of_measurement(chain, blank(histories))
+    return BenchScale.from_measurement(chain, blank(histories))
 
 
 def test_the_menu_has_the_names_that_a_study_may_use() -> None:
     assert [run.name for run in timed_catalogue(scaled(poor()))] == [
-        name for name in OPTIONS if name not in ("custom", "each_input")
+        name for name in OPTIONS if name not in ("custom", "each_input", "paid_out")
     ]
 
 
@@ -53,33 +53,33 @@ def test_runs_start_unloaded_increase_in_time_and_stay_within_the_measured_range
         assert run.words
 
 
-def test_loads_are_those_of_the_measurement_or_a_share_of_the_law_s_torque() -> None:
+def test_loads_equal_the_measurement_or_a_share_in_the_law_torque() -> None:
     measured = scaled([*poor(), pushes("p", 0.0, moment=4e-3)])
     assert named_run(
         timed_catalogue(measured), "passive_load_steps"
     ).history.moment_n_m.min() == pytest.approx(-4e-3)
     stated = named_run(timed_catalogue(scaled(poor())), "load_steps").history
-    peak = sum_of_efforts(CHAIN, {"pressure_pa": np.array([15e3])})[0]
+    peak = total_effort(CHAIN, {"pressure_pa": np.array([15e3])})[0]
     assert stated.moment_n_m.max() == pytest.approx(LOAD_OF_PEAK * peak)
     assert not named_run(timed_catalogue(measured), "slow_cycles").history.moment_n_m.any()
 
 
 def test_blocking_loads_balance_the_drive_at_zero_angle() -> None:
     blocked = named_run(timed_catalogue(scaled(poor())), "blocked").history
-    torque = sum_of_efforts(CHAIN, blocked.actuation)
+    torque = total_effort(CHAIN, blocked.actuation)
     np.testing.assert_allclose(blocked.moment_n_m, torque, rtol=1e-12)
     assert torque.max() > 0.0
 
 
 def test_a_bench_that_pushed_at_the_tip_is_asked_to_push_there() -> None:
     force = np.array([0.0, 0.0, -0.2])
-    pushed = run_of("p", np.arange(10.0), np.full(10, 5e3), tip_force_n=force)
+    pushed = make_history("p", np.arange(10.0), np.full(10, 5e3), tip_force_n=force)
     found = named_run(timed_catalogue(scaled([pushed])), "passive_load_steps").history
     np.testing.assert_allclose(found.tip_force_n[np.argmin(found.tip_force_n[:, 2])], force)
     assert not found.moment_n_m.any()
 
 
-def test_conditions_of_the_measurement_are_kept_but_for_what_a_run_changes() -> None:
+def test_measurement_conditions_are_kept_but_for_what_a_run_changes() -> None:
     warm = [h.with_(temperature_c=np.full(len(h), 30.0), specimen="B") for h in poor()]
     runs = timed_catalogue(scaled(warm))
     assert named_run(runs, "slow_cycles").history.temperature_c[0] == 30.0
@@ -90,31 +90,31 @@ def test_conditions_of_the_measurement_are_kept_but_for_what_a_run_changes() -> 
 
 
 def test_opposed_chambers_are_driven_in_turn() -> None:
-    run = named_run(timed_catalogue(BenchScale.of_chain(OPPOSED, 15e3)), "slow_cycles").history
+    run = named_run(timed_catalogue(BenchScale.from_chain(OPPOSED, 15e3)), "slow_cycles").history
     one, two = run.actuation["pressure_1_pa"], run.actuation["pressure_2_pa"]
     assert one.max() == two.max() == pytest.approx(15e3)
     assert not np.any((one > 0) & (two > 0))
 
 
 def opposing_law() -> SeveralLaw:
-    """τ = g (p₁ − p₂) − k u, in one law of both pressures."""
+    """Return τ = g (p₁ − p₂) − k u, in one law of both pressures."""
     law = several_law()
     terms = np.array([[1, 0, 1], [0, 1, 1], [0, 0, 2]])
     maps = np.array([[0.0, 2e4], [0.0, 2e4], [0.0, 0.3]])
     return dataclasses.replace(law, exponents=terms, coefficients=np.array([-4e-3, 4e-3, 2e-3]), maps=maps)
 
 
-def test_a_law_of_two_pressures_is_driven_by_each_and_by_both() -> None:
+def test_a_law_with_two_pressures_is_driven_by_each_and_by_both() -> None:
     law = opposing_law()
-    chain = chain_of(law, 2, own=[(Actuator("pressure_1_pa"), Actuator("pressure_2_pa"))])
-    runs = timed_catalogue(BenchScale.of_chain(chain, 15e3))
+    chain = make_chain(law, 2, own=[(Actuator("pressure_1_pa"), Actuator("pressure_2_pa"))])
+    runs = timed_catalogue(BenchScale.from_chain(chain, 15e3))
     each = named_run(runs, "each_input").history
     one, two = each.actuation["pressure_1_pa"] > 0, each.actuation["pressure_2_pa"] > 0
     assert [np.sum(one & ~two), np.sum(two & ~one), np.sum(one & two)] == [39] * 3
     assert (
         each.actuation["pressure_1_pa"].max() == each.actuation["pressure_2_pa"].max() == pytest.approx(15e3)
     )
-    cycles = named_run(runs, "slow_cycles").history  # both at once would bend nothing
+    cycles = named_run(runs, "slow_cycles").history  # both at once would not bend the joint
     one, two = cycles.actuation["pressure_1_pa"], cycles.actuation["pressure_2_pa"]
     assert one.max() == two.max() == pytest.approx(15e3)
     assert not np.any((one > 0) & (two > 0))
@@ -139,21 +139,21 @@ def test_a_chamber_that_the_bench_never_drove_stays_vented() -> None:
 
 def test_a_tendon_has_no_valve() -> None:
     chain = joint().with_(actuators=(Actuator("tendon_force_n"),))
-    runs = timed_catalogue(BenchScale.of_chain(chain, 9.0))
+    runs = timed_catalogue(BenchScale.from_chain(chain, 9.0))
     assert "closed_valve" not in {run.name for run in runs}
     assert named_run(runs, "holds").history.actuation["tendon_force_n"].max() == pytest.approx(9.0)
     assert "pressure" not in named_run(runs, "load_steps").words
 
 
 def test_a_second_sensor_reads_the_tip_and_every_joint() -> None:
-    run = named_run(timed_catalogue(BenchScale.of_chain(joint(3), 15e3)), "second_sensor")
+    run = named_run(timed_catalogue(BenchScale.from_chain(joint(3), 15e3)), "second_sensor")
     assert run.adds == ("tip_x_m", "tip_y_m", "tip_z_m", *(f"joint_{k}_angle_rad" for k in (1, 2, 3)))
 
 
 def test_without_a_domain_nobody_knows_how_far_to_drive() -> None:
-    assert timed_catalogue(BenchScale.of_chain(CHAIN, 15e3))
+    assert timed_catalogue(BenchScale.from_chain(CHAIN, 15e3))
     with pytest.raises(UserError, match="states no domain"):
-        BenchScale.of_chain(CHAIN)
+        BenchScale.from_chain(CHAIN)
 
 
 def test_a_run_that_is_not_there_names_the_closest() -> None:
@@ -173,7 +173,7 @@ def test_waves_pass_through_their_corners() -> None:
 
 # -- a bench that recorded no time --------------------------------------------------------------------
 
-SCALE = BenchScale.of_chain(CHAIN, 15e3)
+SCALE = BenchScale.from_chain(CHAIN, 15e3)
 TIMED = ("slow_cycles", "fast_cycles", "small_loops", "holds", "vented_zero", "closed_valve", "step_response")
 
 
@@ -204,15 +204,17 @@ def test_the_blocking_load_is_the_drives_torque():
 
 
 def test_opposed_chambers_are_driven_both_ways():
-    history = named_run(static_catalogue(BenchScale.of_chain(OPPOSED, 15e3)), "level").history
+    history = named_run(static_catalogue(BenchScale.from_chain(OPPOSED, 15e3)), "level").history
     assert all(values.max() == 15e3 for values in history.actuation.values())
     assert len(history) == 9
 
 
 def test_states_without_a_clock_are_followed_by_states_without_a_clock():
-    """What `diagnose` offers follows what was measured."""
+    """The runs that `diagnose` proposes have a clock exactly if the measured ones have."""
     for clock in (None, np.arange(5.0)):
-        history = History.of({"pressure_pa": 3e3 * np.arange(5.0)}, clock, run="a")
-        measured = measurement_of([history], [{"angle_rad": np.zeros(5)}])
-        timed = [run for run in catalogue_of(predictor_of(CHAIN, measured)) if run.history.time_s is not None]
+        history = History.from_arrays({"pressure_pa": 3e3 * np.arange(5.0)}, clock, run="a")
+        measured = make_measurement([history], [{"angle_rad": np.zeros(5)}])
+        timed = [
+            run for run in candidate_runs(make_predictor(CHAIN, measured)) if run.history.time_s is not None
+        ]
         assert bool(timed) == (clock is not None)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import effect, joint, measured, poor, predictor_of, rich
+from tests.diagnosis.quick import effect, joint, make_predictor, measured, poor, rich
 
 from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
@@ -41,9 +41,9 @@ def filled(path, outputs, value=0.25) -> None:
         writer.writerows(table)
 
 
-@pytest.mark.parametrize("name", [run.name for run in timed_catalogue(BenchScale.of_chain(CHAIN, 15e3))])
+@pytest.mark.parametrize("name", [run.name for run in timed_catalogue(BenchScale.from_chain(CHAIN, 15e3))])
 def test_what_was_ordered_is_what_is_read_back(tmp_path, old, name) -> None:
-    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), name)
+    run = named_run(timed_catalogue(BenchScale.from_measurement(CHAIN, old)), name)
     path = tmp_path / "next_run.csv"
     write_protocol(path, run, old.outputs, measurement=old)
     filled(path, (*old.outputs, *run.adds))
@@ -60,7 +60,7 @@ def test_what_was_ordered_is_what_is_read_back(tmp_path, old, name) -> None:
 
 
 def test_the_order_stands_above_the_table(tmp_path, old) -> None:
-    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), "warm")
+    run = named_run(timed_catalogue(BenchScale.from_measurement(CHAIN, old)), "warm")
     write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=old, study="finger.yaml")
     text = (tmp_path / "n.csv").read_text()
     assert "15 K warmer" in text and "Temperature 37 °C" in text and "needs a warm chamber" in text
@@ -68,7 +68,7 @@ def test_the_order_stands_above_the_table(tmp_path, old) -> None:
 
 
 def test_the_way_on_names_every_file_as_it_is_typed(tmp_path, old) -> None:
-    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), "warm")
+    run = named_run(timed_catalogue(BenchScale.from_measurement(CHAIN, old)), "warm")
     data = ("bench/a.csv", "bench/two words.csv")
     write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=old, study="finger.yaml", data=data)
     said = next(line for line in (tmp_path / "n.csv").read_text().splitlines() if "Then:" in line)
@@ -82,7 +82,7 @@ def test_the_way_on_names_every_file_as_it_is_typed(tmp_path, old) -> None:
 
 
 def test_names_that_are_taken_are_not_given_again(tmp_path, old) -> None:
-    runs = timed_catalogue(BenchScale.of_measurement(CHAIN, old))
+    runs = timed_catalogue(BenchScale.from_measurement(CHAIN, old))
     taken = [old.runs[0].history.with_(run="virgin", specimen="new"), *(r.history for r in old.runs[1:])]
     before = replace(old, runs=tuple(replace(r, history=h) for r, h in zip(old.runs, taken, strict=True)))
     write_protocol(tmp_path / "n.csv", named_run(runs, "virgin"), old.outputs, measurement=before)
@@ -95,7 +95,7 @@ def test_a_study_that_renames_columns_and_units_reads_the_new_file_as_the_old_on
     settings = MeasurementsConfig(
         file="x.csv", rename={"bend": "angle_rad", "p": "pressure_pa"}, units={"bend": "deg", "p": "kPa"}
     )
-    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), "holds")
+    run = named_run(timed_catalogue(BenchScale.from_measurement(CHAIN, old)), "holds")
     path = tmp_path / "n.csv"
     write_protocol(path, run, old.outputs, measurement=old, notes=settings)
     assert ",p," in path.read_text()
@@ -115,15 +115,15 @@ HEADED = {
 
 
 def in_its_own_units(measurement):
-    """The measurement as if its file had been in ms, mbar and degrees."""
+    """Return the measurement as if its file had been in ms, mbar and degrees."""
     written = {name: unit for name, (_, unit) in HEADED.items()}
     headed = {name: heading for name, (heading, _) in HEADED.items()}
     return replace(measurement, written=written, headed=headed)
 
 
 @pytest.mark.parametrize("name", ["slow_cycles", "load_steps", "base_on_its_side", "second_sensor"])
-def test_the_file_is_in_the_units_of_the_old_one_and_read_again(tmp_path, old, name) -> None:
-    runs = timed_catalogue(BenchScale.of_measurement(CHAIN, old))
+def test_the_file_is_in_the_old_units_and_read_again(tmp_path, old, name) -> None:
+    runs = timed_catalogue(BenchScale.from_measurement(CHAIN, old))
     run = next((run for run in runs if run.name == name), runs[0])
     path = tmp_path / "n.csv"
     write_protocol(path, run, old.outputs, measurement=in_its_own_units(old))
@@ -143,7 +143,7 @@ def test_the_file_is_in_the_units_of_the_old_one_and_read_again(tmp_path, old, n
 
 def test_headings_that_the_study_renames_are_kept(tmp_path, old) -> None:
     settings = MeasurementsConfig(file="x.csv", rename={"Zeit [ms]": "time_s"}, units={"Zeit [ms]": "ms"})
-    run = timed_catalogue(BenchScale.of_measurement(CHAIN, old))[0]
+    run = timed_catalogue(BenchScale.from_measurement(CHAIN, old))[0]
     write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=in_its_own_units(old), notes=settings)
     filled(tmp_path / "n.csv", ["Angle (deg)"])
     (back,) = read_measurement(tmp_path / "n.csv", settings=settings).runs
@@ -152,7 +152,7 @@ def test_headings_that_the_study_renames_are_kept(tmp_path, old) -> None:
 
 
 def test_a_folder_that_is_not_there_is_a_sentence(tmp_path, old) -> None:
-    run = timed_catalogue(BenchScale.of_measurement(CHAIN, old))[0]
+    run = timed_catalogue(BenchScale.from_measurement(CHAIN, old))[0]
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(UserError, match="cannot be written"):
@@ -169,13 +169,13 @@ def test_files_are_one_measurement_in_their_order() -> None:
     assert np.isnan(found.runs[0].outputs["tip_x_m"]).all()
     names = [run.name for run in found.runs]
     assert names[-1] == "b slow0" and len(set(names)) == len(names)
-    readings = predictor_of(CHAIN, found).predict()
+    readings = make_predictor(CHAIN, found).predict()
     np.testing.assert_allclose(
-        readings[-1]["angle_rad"], predictor_of(CHAIN, second).predict()[0]["angle_rad"], rtol=1e-9
+        readings[-1]["angle_rad"], make_predictor(CHAIN, second).predict()[0]["angle_rad"], rtol=1e-9
     )
 
 
-def test_files_of_other_inputs_are_refused(tmp_path) -> None:
+def test_files_with_other_inputs_are_refused(tmp_path) -> None:
     first = replace(measured(CHAIN, poor()), source="a.csv")
     opposed = [
         run.history.with_(actuation={"pressure_1_pa": run.history.actuation["pressure_pa"]})

@@ -1,4 +1,4 @@
-"""A study's own runs: what may be said of each, and what is refused in a sentence."""
+"""A study's own runs: allowed keys of each, and one-sentence refusals."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from tests.diagnosis.quick import joint
 from pliant.config.loading import load_study
 from pliant.config.schema import study_schema
 from pliant.errors import UserError
-from pliant.experiments.experiment_catalogue import runs_of, timed_catalogue
+from pliant.experiments.experiment_catalogue import planned_runs, timed_catalogue
 from pliant.experiments.planned_run import NEW, BenchScale
 from pliant.records.chain import Actuator
 from pliant.registry.discovery import discover
 
 REGISTRY = discover()
-SCALE = BenchScale.of_chain(joint(), 15e3)
+SCALE = BenchScale.from_chain(joint(), 15e3)
 STUDY = "pliant: 1\nname: joint\nprotocols:\n"
 
 
 @pytest.fixture
 def runs(tmp_path):
-    """The runs of a `protocols` block."""
+    """Return the runs of a `protocols` block."""
 
     def read(*lines: str, scale: BenchScale = SCALE):
         path = tmp_path / "study.yaml"
         path.write_text(STUDY + "".join(f"  - {line}\n" for line in lines))
-        return runs_of(load_study(path, REGISTRY).protocols, scale)
+        return planned_runs(load_study(path, REGISTRY).protocols, scale)
 
     return read
 
 
-def test_runs_of_the_menu_take_what_is_different(runs) -> None:
+def test_runs_in_the_menu_take_what_is_different(runs) -> None:
     holds, slow, named = runs(
         "{run: holds, levels: [5 kPa, 10 kPa], hold: 30 s, minutes: 8}",
         "{run: slow_cycles, period: 160 s, cycles: 3}",
@@ -60,7 +60,7 @@ def test_a_custom_run_is_what_it_says(runs) -> None:
 
 
 def test_without_a_block_it_is_the_menu() -> None:
-    assert [run.name for run in runs_of((), SCALE)] == [run.name for run in timed_catalogue(SCALE)]
+    assert [run.name for run in planned_runs((), SCALE)] == [run.name for run in timed_catalogue(SCALE)]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_what_this_chain_cannot_do_is_refused(runs, lines, says) -> None:
 
 
 def test_a_run_that_makes_no_sense_for_a_tendon_is_refused(runs) -> None:
-    tendon = BenchScale.of_chain(joint().with_(actuators=(Actuator("tendon_force_n"),)), 9.0)
+    tendon = BenchScale.from_chain(joint().with_(actuators=(Actuator("tendon_force_n"),)), 9.0)
     with pytest.raises(UserError, match="makes no sense for this chain"):
         runs("{run: closed_valve}", scale=tendon)
 

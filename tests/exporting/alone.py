@@ -1,4 +1,4 @@
-"""Runs what was exported in a process of its own, where Pliant is not to be found."""
+"""Run exported files in a separate process in which Pliant cannot be imported."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-# What the script says in its last line; and that no module of Pliant was there.
+# The script prints its result in the last line and fails if a module of Pliant was imported.
 ENDING = """
 import sys as _sys, json as _json
 assert not [name for name in _sys.modules if name.startswith("pliant")], "Pliant was imported"
@@ -18,7 +18,7 @@ print(_json.dumps(said))
 
 
 def run_alone(script: str, folder: Path) -> Any:
-    """What a script leaves in `said`, run in `folder` with Python's own path and that folder's."""
+    """Run a script in `folder` with Python's own path and that folder's; return the value of its variable `said`."""
     file = folder / "run_alone.py"
     file.write_text(script + ENDING)
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

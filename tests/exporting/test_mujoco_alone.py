@@ -1,4 +1,4 @@
-"""An exported robot in plain MuJoCo settles where Pliant says, in a process of its own without Pliant."""
+"""An exported robot in plain MuJoCo settles where Pliant predicts, in a separate process without Pliant."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.exporting.alone import run_alone
-from tests.mechanics.test_several_actuations import chain_of, several_law
+from tests.mechanics.test_several_actuations import make_chain, several_law
 
 from pliant import api
 from pliant.pipeline.carried import carried_chain
 from pliant.records.chain import Actuator
 from pliant.records.law import EXTENSIBLE_AXES
+from pliant.records.mount import Mount
 from pliant.records.rollout import Inputs
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -72,12 +73,12 @@ def settled_tips(study: str | Path, folder: Path, inputs: dict[str, float], load
             assert np.linalg.norm(ours.tip_m - tip) < CLOSE_M
 
 
-def test_a_finger_of_eight_modules_under_loads(tmp_path) -> None:
+def test_a_finger_with_eight_modules_under_loads(tmp_path) -> None:
     settled_tips(FINGER, tmp_path, {"pressure_pa": 15e3})
 
 
-def test_a_law_of_two_pressures_takes_both(tmp_path) -> None:
-    """A table of two pressures, its law in every joint, gravity and a load at the tip."""
+def test_a_law_with_two_pressures_takes_both(tmp_path) -> None:
+    """The study has a table of two pressures, its law in every joint, gravity and a load at the tip."""
     from tests.cli.test_fit_table import two_chambers
 
     rows = [",".join(map(repr, map(float, row))) for row in two_chambers()]
@@ -93,16 +94,16 @@ def test_opposed_chambers_take_two_inputs(tmp_path) -> None:
     settled_tips(OPPOSED, tmp_path, {"pressure_1_pa": 12e3, "pressure_2_pa": 3e3}, (0.0,))
 
 
-def test_a_chain_of_ball_joints_under_loads(tmp_path) -> None:
+def test_a_chain_with_ball_joints_under_loads(tmp_path) -> None:
     helix = Path(__file__).parents[2] / "examples" / "helix" / "helix.yaml"
     settled_tips(helix, tmp_path, {"pressure_pa": 15e3})
 
 
-def test_segments_that_bend_twist_and_grow_under_pressures_of_their_own(tmp_path) -> None:
-    """Balls with slides, laws of two pressures and four coordinates; the load pulls along and across."""
+def test_segments_that_bend_twist_and_grow_under_separate_pressures(tmp_path) -> None:
+    """Balls with slides, laws of two pressures and four coordinates; the load acts along and across."""
     law = several_law(2, EXTENSIBLE_AXES)
     own = [tuple(Actuator(f"pressure_{2 * s + k}_pa") for k in (1, 2)) for s in range(2)]
-    chain = chain_of(law, 2, 2, own, gravity=[1.0, 2.0, -9.0])
+    chain = make_chain(law, 2, 2, own, gravity=[1.0, 2.0, -9.0])
     Mujoco(MujocoConfig()).export(chain, tmp_path / "robot.xml")
     inputs = {f"pressure_{k}_pa": 4e3 * k for k in range(1, 5)}
     said = SCRIPT.replace("CASES", repr([(load, inputs) for load in (0.0, 0.02)]))
@@ -118,7 +119,7 @@ def test_segments_that_bend_twist_and_grow_under_pressures_of_their_own(tmp_path
 
 
 def test_it_moves_on_its_own_and_leaves_other_models_alone(tmp_path) -> None:
-    """Released from rest under pressure it swings about the equilibrium; a model without laws feels nothing."""
+    """Released from rest under pressure it swings about the equilibrium; a model without laws is not changed."""
     (tmp_path / "robot.yaml").write_text(FINGER)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
     chain = carried_chain(opened.bench, opened.study).chain
@@ -157,8 +158,8 @@ ARM = """
 
 
 @pytest.mark.parametrize("at", ["flange", "hand"])
-def test_a_finger_on_the_arm_of_somebody_else(tmp_path, at) -> None:
-    """One model: the finger settles where Pliant's does with its base there, and the arm carries its weight."""
+def test_a_finger_on_a_foreign_arm(tmp_path, at) -> None:
+    """The finger settles in one model as in Pliant with its base there, and the arm carries its weight."""
     (tmp_path / "robot.yaml").write_text(FINGER)
     (tmp_path / "arm.xml").write_text(ARM)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
@@ -185,6 +186,27 @@ def test_a_finger_on_the_arm_of_somebody_else(tmp_path, at) -> None:
         ours = simulation.settle()
     assert settled and ours.converged and {"hand", "left_base", "left_tip"} <= set(names)
     assert np.linalg.norm(ours.tip_m - tip) < CLOSE_M
+
+
+def test_a_mounted_robot_begins_where_the_study_put_its_arm(tmp_path) -> None:
+    """The arm's keyframe is merged with the joints and commands of the study."""
+    keyed = ARM.replace("</mujoco>", '<keyframe><key name="home" qpos="0.2" ctrl="0.2"/></keyframe></mujoco>')
+    (tmp_path / "arm.xml").write_text(keyed)
+    (tmp_path / "robot.yaml").write_text(FINGER)
+    opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
+    chain = carried_chain(opened.bench, opened.study).chain
+    script = (
+        "import robot_law\nmodel, data = robot_law.mount('arm.xml', 'flange', 'left_')\n"
+        "said = [float(data.joint('shoulder').qpos[0]), float(data.actuator('servo').ctrl[0])]"
+    )
+    for joints, wanted in (({}, 0.2), ({"shoulder": 0.7}, 0.7)):
+        # a separate folder: Python loads a module rewritten within one second at the same size from its cache
+        folder = tmp_path / f"at_{wanted}"
+        folder.mkdir()
+        (folder / "arm.xml").write_text(keyed)
+        mounted = chain.with_(mount=Mount(tmp_path / "arm.xml", "flange", joints=joints))
+        Mujoco(MujocoConfig()).export(mounted, folder / "robot.xml")
+        assert run_alone(script, folder) == [wanted, wanted]
 
 
 def test_a_place_that_the_arm_does_not_have_is_named(tmp_path) -> None:

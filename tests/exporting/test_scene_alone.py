@@ -1,4 +1,4 @@
-"""An exported grasp in plain MuJoCo: the same scene, and the same lift of the egg, in a process without Pliant."""
+"""An exported grasp in plain MuJoCo: the same scene and the same lift of the egg, in a process without Pliant."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_file_holds_the_scene_at_rest(finger: ChainModel, tmp_path: Path) ->
             np.testing.assert_allclose(data.site(f"arm_{k}_tip").xpos, simulation.markers(k)[-1], atol=1e-12)
     np.testing.assert_allclose(data.body("object_0").xpos, scene.objects[0].position_m, atol=1e-12)
     assert model.body("object_0").mass[0] == pytest.approx(scene.objects[0].mass.mass_kg)
-    # pulled by its actuator the carriage has its velocity at once, the fingers with it
+    # driven by its actuator the carriage has its velocity at once, and the fingers move with it
     data.ctrl[model.actuator("carriage_z").id] = -0.05
     for _ in range(10):
         mujoco.mj_step(model, data)

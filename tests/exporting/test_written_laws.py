@@ -1,4 +1,4 @@
-"""A law in C, NumPy, torch, JAX and JSON is the law: values and slopes in the domain and far outside, alone."""
+"""A law in C, NumPy, torch, JAX and JSON has the law's values and slopes, inside the domain and far outside."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from tests.slow import slow_among
 from tests.surrogates.laws import STATED, WAVY, energy_law, network_law, split, with_a_box
 
 from pliant.errors import UserError
-from pliant.exporting.as_json import READER, as_json
-from pliant.exporting.in_c import in_c
-from pliant.exporting.in_python import in_python
-from pliant.exporting.written_law import WrittenLaw, written
+from pliant.mechanics.rotations import exp_map, skew
 from pliant.records.law import JointLaw, ScalarLaw
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import sample_table, softening_law
+from pliant_export.as_json import READER, as_json
+from pliant_export.in_c import in_c
+from pliant_export.in_python import in_python
+from pliant_export.written_law import WrittenLaw, written
 from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.table.surrogate import TableSurrogate
 
-TABLE = TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law
+TABLE = TableSurrogate(TableConfig()).fit(sample_table(softening_law(), noise_n_m=2e-5)).law
 LAWS: dict[str, JointLaw] = {
     "polynomial": WAVY,
     "stated": STATED["stated"],
@@ -47,7 +48,7 @@ of_several_too = pytest.mark.parametrize("name", list(LAWS))
 
 
 def points(law: JointLaw, count: int = 300) -> tuple[np.ndarray, np.ndarray]:
-    """p (n,) and u (n, a), six in ten outside the domain in one way or another."""
+    """Return p (n,) and u (n, a), six in ten outside the domain in one way or another."""
     box = np.clip(np.vstack([law.domain.actuation, law.domain.deformation]), -1.0, 1.5e4)
     reach = np.ptp(box, axis=1) * np.random.default_rng(2).uniform(-0.4, 1.4, (count, len(box)))
     at = box[:, 0] + reach
@@ -76,7 +77,7 @@ def test_the_steps_are_the_law(name) -> None:
 
 @every_law
 def test_numpy_alone(name, tmp_path) -> None:
-    require_the_law(LAWS[name], of_module(LAWS[name], "numpy", tmp_path))
+    require_the_law(LAWS[name], module_values(LAWS[name], "numpy", tmp_path))
 
 
 @pytest.mark.parametrize("name", slow_among(["polynomial", "table", "network"], "table", "network"))
@@ -84,9 +85,9 @@ def test_torch_alone_and_its_own_gradient(name, tmp_path) -> None:
     if importlib.util.find_spec("torch") is None:
         pytest.skip("torch is not installed: pip install 'pliant[torch]'")
     law = LAWS[name]
-    found = of_module(law, "torch", tmp_path, TORCH)
+    found = module_values(law, "torch", tmp_path, TORCH)
     require_the_law(law, found)
-    # What torch differentiates for itself is the slope that the function gives, summed over the axes of τ.
+    # Torch's own derivative is the slope that the function returns, summed over the axes of τ.
     ours = expected(law)["dtau_du"].reshape(len(found["gradient"]), *[len(law.axes)] * 2).sum(axis=1)
     np.testing.assert_allclose(found["gradient"], ours, atol=1e-9 * np.abs(ours).max())
 
@@ -95,16 +96,16 @@ def test_torch_alone_and_its_own_gradient(name, tmp_path) -> None:
 def test_jax_alone(name, tmp_path) -> None:
     if importlib.util.find_spec("jax") is None:
         pytest.skip("jax is not installed: pip install jax")
-    require_the_law(LAWS[name], of_module(LAWS[name], "jax", tmp_path, JAX))
+    require_the_law(LAWS[name], module_values(LAWS[name], "jax", tmp_path, JAX))
 
 
 @every_law
 def test_the_text_for_jax_with_numpy_in_its_place(name, tmp_path) -> None:
-    """Says nothing of JAX itself, but of the text, where JAX is not installed."""
+    """This tests the text, not JAX itself, where JAX is not installed."""
     (tmp_path / "jax").mkdir()
     (tmp_path / "jax" / "__init__.py").write_text("")
     (tmp_path / "jax" / "numpy.py").write_text("from numpy import *\nfrom numpy import abs, max, min\n")
-    require_the_law(LAWS[name], of_module(LAWS[name], "jax", tmp_path))
+    require_the_law(LAWS[name], module_values(LAWS[name], "jax", tmp_path))
 
 
 @every_law
@@ -127,7 +128,7 @@ def test_json_with_its_reader_alone(name, tmp_path) -> None:
 def test_c_alone_one_by_one_and_many_at_once(name, tmp_path) -> None:
     law = LAWS[name]
     text = in_c(written(law, "the law"))
-    found = of_c(text, law, tmp_path)
+    found = c_values(text, law, tmp_path)
     require_the_law(law, {k: found[f"one_{k}"] for k in OUTPUTS})
     require_the_law(law, {k: found[f"many_{k}"] for k in OUTPUTS})
 
@@ -186,8 +187,8 @@ TORCH = (
 JAX = "import jax\njax.config.update('jax_enable_x64', True)\n" + PLAIN
 
 
-def of_module(law: JointLaw, dialect: str, folder: Path, script: str = PLAIN) -> dict[str, np.ndarray]:
-    """What the written module says at the points."""
+def module_values(law: JointLaw, dialect: str, folder: Path, script: str = PLAIN) -> dict[str, np.ndarray]:
+    """Return the values of the written module at the points."""
     save(law, folder)
     (folder / "law.py").write_text(in_python(written(law, "law"), dialect))
     script = script.replace("{names}", repr(OUTPUTS)).replace("{{", "{").replace("}}", "}")
@@ -225,8 +226,8 @@ int main(void) {{
 """
 
 
-def of_c(text: str, law: JointLaw, folder: Path) -> dict[str, np.ndarray]:
-    """What the compiled header says at the points, one by one and many at once."""
+def c_values(text: str, law: JointLaw, folder: Path) -> dict[str, np.ndarray]:
+    """Return the values of the compiled header at the points, one by one and many at once."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("there is no C compiler 'cc' on this machine")
@@ -249,3 +250,14 @@ def of_c(text: str, law: JointLaw, folder: Path) -> dict[str, np.ndarray]:
 def test_names_are_identifiers() -> None:
     law: WrittenLaw = written(WAVY, "8 modules, 2nd try")
     assert law.name == "law_8_modules_2nd_try" and law.name.isidentifier()
+
+
+def test_the_frame_for_a_ball_joint_effort_is_reported():
+    """J of the text is the rate of f per angular velocity in the child's frame, so that tau · df is T · w dt."""
+    (said,) = [line for line in written(LAWS["axes"], "ball").about if "rotation vector" in line]
+    assert "J = 1 - (1 - cos t)/t^2 K + (t - sin t)/t^3 K K" in said
+    f, w, step = np.array([0.3, -0.5, 0.8]), np.array([0.2, 0.7, -0.4]), 1e-6
+    t, k = np.linalg.norm(f), skew(f)
+    j = np.eye(3) - (1 - np.cos(t)) / t**2 * k + (t - np.sin(t)) / t**3 * k @ k
+    df = np.linalg.solve(j, w) * step  # w = J df/dt, in the child's frame
+    assert np.allclose(exp_map(f + df), exp_map(f) @ exp_map(w * step), atol=1e-11)

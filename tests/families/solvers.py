@@ -1,4 +1,4 @@
-"""The FEM of a module of neo-Hookean rubber."""
+"""Finite-element solvers of a module of neo-Hookean rubber."""
 
 from pliant.records.fem import ModuleProblem
 from pliant_plugins.fem.config import SkfemConfig
@@ -10,6 +10,6 @@ def rubber(mu: float, **more: float) -> NeoHookean:
     return NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu, **more))
 
 
-def solver_of(problem: ModuleProblem, material: NeoHookean) -> SkfemSolver:
+def make_solver(problem: ModuleProblem, material: NeoHookean) -> SkfemSolver:
     limits = {"pressure_max_pa": 15e3} if problem.actuation == "pressure_pa" else {"tendon_force_max_n": 8.0}
     return Skfem(SkfemConfig.model_validate(limits)).solver(problem, material)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.families.solvers import rubber, solver_of
+from tests.families.solvers import make_solver, rubber
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import ModuleSolver
@@ -32,11 +32,11 @@ def family(
 
 
 def solver(problem: ModuleProblem) -> ModuleSolver:
-    return solver_of(problem, rubber(237e3))
+    return make_solver(problem, rubber(237e3))
 
 
-def test_designs_of_the_study_are_valid() -> None:
-    """The study counts 24 valid ones; which of the 25 it left out no inequality of the geometry tells."""
+def test_designs_in_the_study_are_valid() -> None:
+    """The study counts 24 valid designs; no inequality of the geometry shows which of the 25 it omitted."""
     for R, length in itertools.product((5, 5.5, 6, 6.5, 7), (4, 4.5, 5, 5.5, 6)):
         mesh = family(3, R, 1.5, length).problem().mesh
         assert (cell_volumes(mesh.nodes_m, mesh.cells) > 0).all()
@@ -74,8 +74,8 @@ def test_published_masses(R: float, length: float, published_kg: float) -> None:
     assert exact == pytest.approx(published_kg, rel=1e-3)
 
 
-def test_rod_outside_the_wall_by_the_area_of_two_circles() -> None:
-    """The rod's part in the cavity: at each x the lens that two circles share, in closed form."""
+def test_a_rod_outside_the_wall_by_the_area_between_two_circles() -> None:
+    """The rod's part in the cavity is at each x the lens of two circles, in closed form."""
     geometry = family().geometry
     q = (geometry.average_radius_m - geometry.wall_m) / 2
     apart = geometry.inner_radius_m - q
@@ -96,8 +96,8 @@ def test_rod_outside_the_wall_by_the_area_of_two_circles() -> None:
     assert (np.hypot(points[:, 1], points[:, 2]) <= rho.max()).all()
 
 
-def test_wall_of_the_profile_at_x() -> None:
-    """`radius_at` against the profile's own points."""
+def test_profile_wall_at_x() -> None:
+    """`radius_at` is compared with the profile's own points."""
     geometry = family().geometry
     for depth in (-geometry.wall_m / 2, 0.0, geometry.wall_m / 2):
         for part in (geometry.crest, geometry.trough):
@@ -109,16 +109,16 @@ def test_wall_of_the_profile_at_x() -> None:
 def test_pieces_have_the_walls_volume(refinement: int) -> None:
     geometry = family().geometry
     wall = geometry.wall_volume(-geometry.wall_m / 2, geometry.wall_m / 2)
-    counts = RevolvedCounts.of(geometry, refinement)
+    counts = RevolvedCounts.from_profile(geometry, refinement)
     pieces = ((sector(geometry, counts, 1), 8), (sector(geometry, counts, 2), 4), (ring(geometry, counts), 1))
     for mesh, scale in pieces:
         assert scale * cell_volumes(mesh.nodes_m, mesh.cells).sum() == pytest.approx(wall, rel=1e-3)
         assert scale * enclosed_volume(mesh.nodes_m, mesh.skin) == pytest.approx(wall, rel=1e-3)
 
 
-def test_cavity_of_the_ring_is_what_the_profile_encloses() -> None:
+def test_the_ring_cavity_is_what_the_profile_encloses() -> None:
     geometry = family().geometry
-    mesh = ring(geometry, RevolvedCounts.of(geometry, 2))
+    mesh = ring(geometry, RevolvedCounts.from_profile(geometry, 2))
     # from the middle of the start section that plane adds nothing, the end plane π ρ² l / 3
     end = np.pi * (geometry.inner_radius_m - geometry.wall_m / 2) ** 2 * geometry.module_length_m / 3
     cavity = end - enclosed_volume(mesh.nodes_m, mesh.cavity)
@@ -134,7 +134,7 @@ def test_the_joint_stands_below_the_axis() -> None:
     nodes = design.problem(axes=("y",)).mesh.nodes_m
     assert nodes[:, 2].max() - design.offset_m == pytest.approx(design.offset_m - nodes[:, 2].min())
     mass = design.mass(1150.0)
-    assert 0.5 * design.offset_m < mass.end.com_m[2] < design.offset_m  # the rod lies on the lower side
+    assert 0.5 * design.offset_m < mass.end.com_m[2] < design.offset_m  # the rod is on the lower side
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_mirror_symmetry_uncouples_the_axes_at_rest(whole: FemState) -> None:
 
 
 @pytest.mark.slow
-def test_width_of_the_constraint_is_a_stiffness_about_z(whole: FemState) -> None:
+def test_constraint_width_is_a_stiffness_about_z(whole: FemState) -> None:
     """EA w²/12 / l, and nothing about the other axes at rest."""
     design = family()
     problem = design.problem()
@@ -179,7 +179,7 @@ def test_a_free_pivot_softens_twist_and_not_bending_about_y(whole: FemState) -> 
 
 @pytest.mark.slow
 def test_a_stiff_constraint_keeps_the_joint_line() -> None:
-    """With the stiffness the axial strain under pressure goes to nothing as 1/EA."""
+    """With increasing stiffness the axial strain under pressure decreases as 1/EA."""
     strains = []
     for stiffness in ("2000 N", "4000 N"):
         model = solver(family(constraint_stiffness=stiffness).problem(axes=("y",)))
@@ -189,7 +189,7 @@ def test_a_stiff_constraint_keeps_the_joint_line() -> None:
 
 
 def test_the_module_is_closed_where_the_outermost_fibre_is_used_up() -> None:
-    """Distances from the constraint to the wall's outer crests: 9.74 ∓ 2.55 mm; 15 % of 4.72 mm is left."""
+    """Distances from the constraint to the wall's outer crests: 9.74 ∓ 2.55 mm; 15 % of 4.72 mm remains."""
     module = family()
     low, high = module.problem().contact_range or (0.0, 0.0)
     assert (module.problem(axes=("y",)).contact_range) == (low, high)

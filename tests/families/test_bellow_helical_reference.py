@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.families.published_y import CURVE, published, relative_rms, solver_of
+from benchmarks.families.published_y import CURVE, make_solver, published, relative_rms
 
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 
@@ -22,7 +22,7 @@ def test_free_curve_and_predicted_moments() -> None:
     if data is None:
         pytest.skip(f"reference data absent: {CURVE}")
     family = BellowHelical(BellowHelicalConfig.model_validate(DESIGN))
-    solver = solver_of(family.problem(axes=("y",)), MU)
+    solver = make_solver(family.problem(axes=("y",)), MU)
 
     pressures = (2.5e3, 5e3, 7.5e3, 10e3, 12.5e3, 15e3)
     state, angles = solver.rest(), []

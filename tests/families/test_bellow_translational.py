@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.families.solvers import rubber, solver_of
+from tests.families.solvers import make_solver, rubber
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import ModuleSolver
@@ -23,7 +23,7 @@ def family(r: float = 5, R: float = 8, t: float = 1.5, l: float = 10) -> BellowT
 
 
 def solver(problem: ModuleProblem) -> ModuleSolver:
-    return solver_of(problem, rubber(240e3))
+    return make_solver(problem, rubber(240e3))
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_bad_designs_name_the_inequality() -> None:
         family(t=2.2, l=4)
 
 
-def test_mass_is_that_of_the_published_volume() -> None:
+def test_mass_equals_the_published_volume() -> None:
     design = family()
     mass = design.mass(1150.0)
     geometry = design.geometry
@@ -56,7 +56,9 @@ def test_quarter_and_half_section_agree(model: ModuleSolver) -> None:
     design = family()
     halves = replace(
         design.problem(),
-        mesh=sector(design.geometry, RevolvedCounts.of(design.geometry, 1, arc=3, quarter=4), quarters=2),
+        mesh=sector(
+            design.geometry, RevolvedCounts.from_profile(design.geometry, 1, arc=3, quarter=4), quarters=2
+        ),
         energy_scale=4.0,
         fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
     )
@@ -67,8 +69,8 @@ def test_quarter_and_half_section_agree(model: ModuleSolver) -> None:
     assert half.travel == pytest.approx(quarter.travel, rel=1e-6)
 
 
-def test_thrust_is_the_slope_of_the_cavity(model: ModuleSolver) -> None:
-    """∂τ/∂p at held u = ∂V/∂u at held p: both are −∂²Π/∂p∂u."""
+def test_thrust_is_the_cavity_slope(model: ModuleSolver) -> None:
+    """∂τ/∂p at constant u = ∂V/∂u at constant p: both are −∂²Π/∂p∂u."""
     here = model.constrained(4e3, 0.3e-3, model.rest())
     low, high = (model.constrained(4e3, 0.3e-3 + s * 1e-5, here) for s in (-1, 1))
     assert here.dmoment_dp == pytest.approx((high.travel - low.travel) / 2e-5, rel=1e-5)
@@ -81,7 +83,7 @@ def test_pressure_extends_and_a_pull_helps(model: ModuleSolver) -> None:
     state = model.free(5e3, model.rest())
     assert 0 < state.angle_rad < family().module_length_m
     assert state.tau == pytest.approx(0.0, abs=1e-6)
-    # an opposing force holds it back: positive below the free extension
+    # an opposing force compresses it: positive below the free extension
     assert model.constrained(5e3, 0.5 * state.angle_rad, state).moment_n_m > 0
     assert state.dmoment_du < 0
 

@@ -1,4 +1,4 @@
-"""The fibre-reinforced tube: threads as springs of a solid, the angle at which a tube keeps its length, the sheet."""
+"""The fibre-reinforced tube: threads as springs of a solid, the angle of constant length, the sheet."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_slopes_with_threads_are_exact() -> None:
     assert state.dmoment_dp == pytest.approx((more.travel - less.travel) / (2 * step), rel=1e-5)
 
 
-def test_a_thin_tube_keeps_its_length_at_the_angle_of_the_netting() -> None:
+def test_a_thin_tube_keeps_its_length_at_the_netting_angle() -> None:
     """tan² α = 2: threads nearer to the axis shorten the tube, those nearer to the hoop lengthen it."""
     thin = {"wall": "0.6 mm", "sleeve": "0.3 mm"}
     magic = float(np.degrees(np.arctan(np.sqrt(2.0))))
@@ -71,7 +71,7 @@ def test_a_thin_tube_keeps_its_length_at_the_angle_of_the_netting() -> None:
 
 
 def test_stiff_threads_cost_no_accuracy() -> None:
-    """Both linear solvers take the same few steps, however much stiffer than the rubber threads are."""
+    """Both linear solvers take the same few steps for any ratio of the threads' to the rubber's stiffness."""
     found = []
     for kind in ("auto", "superlu"):
         body = rubber().with_regions({"sheet": rubber(1.0)})
@@ -101,7 +101,7 @@ def test_threads_around_a_tube_keep_it_slim() -> None:
 
 
 @pytest.mark.slow
-def test_the_length_of_a_module_does_not_matter() -> None:
+def test_the_module_length_does_not_matter() -> None:
     short, long = (free(100.0, 50e3, module_length=length) for length in ("5 mm", "20 mm"))
     assert long.angle_rad == pytest.approx(4 * short.angle_rad, rel=1e-6)
     assert long.axial_strain == pytest.approx(short.axial_strain, rel=1e-6)

@@ -1,4 +1,4 @@
-"""Inner edges are found where a skin turns inward sharply, and Netgen's cells shrink there."""
+"""Inner edges are found where a skin turns inward sharply, and Netgen's cells are smaller there."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant_plugins.families.mesh_file.netgen import inner_edges, mesh_cad, skin_of
+from pliant_plugins.families.mesh_file.netgen import inner_edges, mesh_cad, outer_skin
 
 
 def length(ends: np.ndarray) -> float:
@@ -24,10 +24,10 @@ def test_a_notch_has_one_and_a_convex_body_none() -> None:
     assert found[:, :, :2].tolist() == [[[0, 0], [0, 0]]]
     assert length(found) == 1
     turned = triangles[:, ::-1]
-    assert len(inner_edges(points, turned)) > 1  # inside out, the others are
+    assert len(inner_edges(points, turned)) > 1  # inside out, the other edges are inner ones
 
 
-def test_the_hollow_of_a_body_of_two_volumes(tmp_path: Path) -> None:
+def test_the_hollow_in_a_body_with_two_volumes(tmp_path: Path) -> None:
     occ = pytest.importorskip("netgen.occ", reason="the extra pliant[ngsolve]")
 
     def box(low: tuple[float, ...], high: tuple[float, ...]):
@@ -36,7 +36,7 @@ def test_the_hollow_of_a_body_of_two_volumes(tmp_path: Path) -> None:
     body = box((0, 0, 1), (6, 4, 5)) - box((0, 0, 2), (6, 2, 4))  # a channel along x, open at y = 0
     solid = occ.Glue([body, box((0, 0, 0), (6, 4, 1))])
     mesh = occ.OCCGeometry(solid).GenerateMesh(maxh=2)
-    assert length(inner_edges(*skin_of(mesh))) == pytest.approx(2 * 6)
+    assert length(inner_edges(*outer_skin(mesh))) == pytest.approx(2 * 6)
 
     def name(points: np.ndarray) -> str:
         return "wall" if points[:, 0].max() < 1e-9 else "outside"

@@ -1,9 +1,10 @@
-"""Modules from mesh files: what a file may say in which words, and each wrong input's sentence."""
+"""Modules from mesh files: accepted files and words, and the sentence for each wrong input."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import meshio
@@ -13,13 +14,18 @@ from tests.slow import slow_among
 
 from pliant.errors import InvalidDesignError, UserError
 from pliant.meshing.cells import boundary_faces, cell_volumes
-from pliant.meshing.raising import VTK_ORDER
+from pliant.meshing.raising import VTK_ORDER, as_quadratic
 from pliant.meshing.surfaces import mirrored
+from pliant.pipeline.remarks import turned_remarks
 from pliant.pipeline.workbench import content
 from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.law import Domain
 from pliant.testing.box import HALF_LENGTH_M, Z, box_mesh, box_problem, spatial_box_mesh, tetrahedral
+from pliant.testing.samples import linear_law, sample_chain
 from pliant_plugins.families.chambers.two_chamber import TwoChamberConfig, build_mesh
 from pliant_plugins.families.mesh_file.family import MeshFile, MeshFileConfig
+from pliant_plugins.families.mesh_file.placing import require_sections
+from pliant_plugins.families.mesh_file.surfaces import Skin
 from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
@@ -29,8 +35,8 @@ HALF = {"part": "half", "symmetry": "mirror", "unit": "mm"}
 PLANES = {"base": (0, 0.0), "tip": (0, HALF_LENGTH_M), "mirror": (1, 0.0)}
 
 
-def faces_of(mesh: ModuleMesh) -> dict[str, np.ndarray]:
-    """The quarter box's outer faces by name."""
+def outer_faces(mesh: ModuleMesh) -> dict[str, np.ndarray]:
+    """Return the quarter box's outer faces by name."""
     named = {}
     for name, (axis, place) in PLANES.items():
         on = np.all(np.abs(mesh.nodes_m[mesh.skin][..., axis] - place) < 1e-9, axis=1)
@@ -41,7 +47,7 @@ def faces_of(mesh: ModuleMesh) -> dict[str, np.ndarray]:
 def written(
     path: Path, mesh: ModuleMesh, faces: dict[str, np.ndarray], unit_m: float = 1e-3, **more: Any
 ) -> Path:
-    """A mesh of tetrahedra with named surfaces as a gmsh file; `more`: `order` 1 or 2, `points`, `extra` blocks."""
+    """Write tetrahedra with named surfaces as a gmsh file; `more`: `order` 1 or 2, `points`, `extra` blocks."""
     order, points = more.get("order", 2), more.get("points", mesh.nodes_m / unit_m)
     solid = ("tetra", mesh.cells[:, :4]) if order == 1 else ("tetra10", mesh.cells)
     blocks = (
@@ -68,7 +74,7 @@ def family(path: Path, **config: Any) -> MeshFile:
 
 
 def states(problem: ModuleProblem) -> tuple[float, float]:
-    """Free angle and a held torque."""
+    """Return the free angle and a blocked torque."""
     solver = Skfem(SkfemConfig(pressure_max_pa=2e3)).solver(
         problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=1e5))
     )
@@ -77,7 +83,7 @@ def states(problem: ModuleProblem) -> tuple[float, float]:
 
 
 def test_a_file_is_the_mesh_that_it_was_written_from(tmp_path: Path, box: ModuleMesh) -> None:
-    piece = family(written(tmp_path / "box.msh", box, faces_of(box))).piece
+    piece = family(written(tmp_path / "box.msh", box, outer_faces(box))).piece
     volume = cell_volumes(box.nodes_m, box.cells).sum()
     assert piece.span_m == pytest.approx(HALF_LENGTH_M, rel=1e-9)
     assert cell_volumes(piece.mesh.nodes_m, piece.mesh.cells).sum() == pytest.approx(volume, rel=1e-9)
@@ -86,20 +92,28 @@ def test_a_file_is_the_mesh_that_it_was_written_from(tmp_path: Path, box: Module
 
 
 def turned(path: Path, box: ModuleMesh) -> dict[str, Any]:
-    """Chain along −y, up along x, in centimetres, the line 3 cm to the side of where it was."""
+    """Return the mesh with the chain along −y, up along x, in centimetres, the line 3 cm to the side."""
     x, y, z = 1e2 * box.nodes_m.T
-    written(path, box, faces_of(box), points=np.column_stack([z + 3.0, -x, -y]))
+    written(path, box, outer_faces(box), points=np.column_stack([z + 3.0, -x, -y]))
     return {"unit": "cm", "along": "-y", "up": "x", "line_height": "30 mm"}
 
 
 def first_order(path: Path, box: ModuleMesh) -> dict[str, Any]:
-    written(path, box, faces_of(box), order=1)
+    written(path, box, outer_faces(box), order=1)
     return {}
 
 
-def vtu_of_hexahedra(path: Path, box: ModuleMesh) -> dict[str, Any]:
-    """Hexahedra of 27 nodes, surfaces by values of a cell array."""
-    mesh, faces = box_mesh(), faces_of(box_mesh())
+def write_linear_vtk(path: Path, box: ModuleMesh) -> dict[str, Any]:
+    """Write VTK's old format, which SOFA uses for meshes: tetrahedra of four nodes, surfaces by node sets."""
+    sets = {n: np.isin(np.arange(len(box.nodes_m)), f).astype(int) for n, f in outer_faces(box).items()}
+    out = meshio.Mesh(1e3 * box.nodes_m, [("tetra", box.cells[:, :4])], point_data=sets)
+    meshio.write(path.with_suffix(".vtk"), out, file_format="vtk42", binary=False)
+    return {"file": path.with_suffix(".vtk")}
+
+
+def write_hexahedra_vtu(path: Path, box: ModuleMesh) -> dict[str, Any]:
+    """Write hexahedra of 27 nodes, surfaces by values of a cell array."""
+    mesh, faces = box_mesh(), outer_faces(box_mesh())
     quads = [("quad", f[:, [0, 2, 8, 6]]) for f in faces.values()]
     tags = [np.full(len(c), k) for k, (_, c) in enumerate([("", mesh.cells), *quads])]
     blocks = [("hexahedron27", mesh.cells[:, VTK_ORDER]), *quads]
@@ -111,11 +125,11 @@ def vtu_of_hexahedra(path: Path, box: ModuleMesh) -> dict[str, Any]:
     }
 
 
-def hexahedra_of(nodes: int) -> Callable[[Path, ModuleMesh], dict[str, Any]]:
+def hexahedra_writer(nodes: int) -> Callable[[Path, ModuleMesh], dict[str, Any]]:
     def write(path: Path, box: ModuleMesh) -> dict[str, Any]:
-        """Surfaces by node sets, which a .vtu has as point arrays."""
+        """Write surfaces by node sets, as point arrays in a .vtu."""
         mesh = box_mesh()
-        sets = {n: np.isin(np.arange(len(mesh.nodes_m)), f).astype(int) for n, f in faces_of(mesh).items()}
+        sets = {n: np.isin(np.arange(len(mesh.nodes_m)), f).astype(int) for n, f in outer_faces(mesh).items()}
         kind = {8: "hexahedron", 20: "hexahedron20"}[nodes]
         blocks = [(kind, mesh.cells[:, VTK_ORDER[:nodes]])]
         meshio.write(path.with_suffix(".vtu"), meshio.Mesh(1e3 * mesh.nodes_m, blocks, point_data=sets))
@@ -125,13 +139,13 @@ def hexahedra_of(nodes: int) -> Callable[[Path, ModuleMesh], dict[str, Any]]:
 
 
 def abaqus(path: Path, box: ModuleMesh) -> dict[str, Any]:
-    """A deck: solid cells, two element sets with sides as surfaces, the rest node sets."""
+    """Write a deck: solid cells, two element sets with sides as surfaces, the rest node sets."""
     deck = ["*NODE"] + [
         f"{i + 1}, {x:.9g}, {y:.9g}, {z:.9g}" for i, (x, y, z) in enumerate(1e3 * box.nodes_m)
     ]
     deck += ["*ELEMENT, TYPE=C3D10, ELSET=ALL"]
     deck += [", ".join(str(n) for n in [k + 1, *(cell + 1)]) for k, cell in enumerate(box.cells)]
-    faces = faces_of(box)
+    faces = outer_faces(box)
     for name in ("base", "tip", "mirror"):
         deck += [f"*NSET, NSET={name}"] + [f"{n + 1}," for n in np.unique(faces[name])]
     sides = [(0, 1, 2), (0, 1, 3), (1, 2, 3), (0, 2, 3)]
@@ -148,14 +162,17 @@ def abaqus(path: Path, box: ModuleMesh) -> dict[str, Any]:
 WAYS = {
     "turned": turned,
     "first order": first_order,
-    "27-node hexahedra": vtu_of_hexahedra,
-    "20-node hexahedra": hexahedra_of(20),
-    "8-node hexahedra": hexahedra_of(8),
+    "27-node hexahedra": write_hexahedra_vtu,
+    "SOFA's .vtk": write_linear_vtk,
+    "20-node hexahedra": hexahedra_writer(20),
+    "8-node hexahedra": hexahedra_writer(8),
     "Abaqus": abaqus,
 }
 
 
-@pytest.mark.parametrize("way", slow_among(WAYS, *(set(WAYS) - {"20-node hexahedra", "Abaqus"})))
+@pytest.mark.parametrize(
+    "way", slow_among(WAYS, *(set(WAYS) - {"20-node hexahedra", "Abaqus", "SOFA's .vtk"}))
+)
 def test_the_same_module_in_another_file(way: str, tmp_path: Path, box: ModuleMesh) -> None:
     """Cells, units, axes, formats and ways of naming change nothing."""
     path = tmp_path / "box.msh"
@@ -167,25 +184,27 @@ def test_the_same_module_in_another_file(way: str, tmp_path: Path, box: ModuleMe
     )
     tetrahedra = mesh.cells.shape[1] == 10
     wanted = (
-        family(written(tmp_path / "plain.msh", box, faces_of(box))).problem() if tetrahedra else box_problem()
+        family(written(tmp_path / "plain.msh", box, outer_faces(box))).problem()
+        if tetrahedra
+        else box_problem()
     )
     assert states(found.problem()) == pytest.approx(states(wanted), rel=1e-6)
     assert any("first order" in remark for remark in found.remarks()) == (
-        way in ("first order", "8-node hexahedra")
+        way in ("first order", "8-node hexahedra", "SOFA's .vtk")
     )
 
 
 def test_a_whole_module_is_its_halves(tmp_path: Path, box: ModuleMesh) -> None:
-    """The whole length and width, uncut, against the quarter: law and masses."""
+    """The whole length and width, uncut, has the law and the masses of the quarter."""
     whole = tetrahedral(spatial_box_mesh())
     along = whole.nodes_m[whole.skin][..., 0]
     ends = {"base": 0.0, "tip": 2 * HALF_LENGTH_M}
     faces = {name: whole.skin[np.all(np.abs(along - place) < 1e-9, axis=1)] for name, place in ends.items()}
     faces["cavity"] = whole.cavity
     uncut = family(written(tmp_path / "whole.msh", whole, faces), part="whole", symmetry=None)
-    quarter = family(written(tmp_path / "box.msh", box, faces_of(box)))
+    quarter = family(written(tmp_path / "box.msh", box, outer_faces(box)))
     assert uncut.module_length_m == pytest.approx(quarter.module_length_m, rel=1e-9)
-    # two cuts of one body into few cells
+    # the whole body and the quarter have different, coarse meshes
     assert states(uncut.problem())[1] == pytest.approx(states(quarter.problem())[1], rel=2e-2)
     for mine, own in (
         (uncut.mass(1e3).end, quarter.mass(1e3).end),
@@ -199,22 +218,22 @@ def test_a_whole_module_is_its_halves(tmp_path: Path, box: ModuleMesh) -> None:
     assert high == pytest.approx(quarter.surface().end.vertices_m.max(axis=0), abs=1e-9)
 
 
-def test_the_other_half_of_the_width_is_the_same(tmp_path: Path, box: ModuleMesh) -> None:
+def test_the_other_half_width_is_the_same(tmp_path: Path, box: ModuleMesh) -> None:
     """A mesh of y ≤ 0 is mirrored: right-handed cells, the same law."""
     x, y, z = 1e3 * box.nodes_m.T
     cells = box.cells[:, [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]]
     other = ModuleMesh(np.column_stack([x, -y, z]) / 1e3, cells, box.cavity, boundary_faces(cells)[0], {})
-    found = family(written(tmp_path / "other.msh", other, faces_of(other)))
+    found = family(written(tmp_path / "other.msh", other, outer_faces(other)))
     assert found.piece.mesh.nodes_m[:, 1].min() == 0.0
-    own = family(written(tmp_path / "box.msh", box, faces_of(box)))
+    own = family(written(tmp_path / "box.msh", box, outer_faces(box)))
     assert states(found.problem()) == pytest.approx(states(own.problem()), rel=1e-9)
 
 
-def test_volumes_of_the_file_are_regions(tmp_path: Path, box: ModuleMesh) -> None:
+def test_volumes_in_the_file_are_regions(tmp_path: Path, box: ModuleMesh) -> None:
     floor = box.nodes_m[box.cells[:, :4], 2].max(axis=1) < Z[1] + 1e-9
     blocks = [("tetra10", box.cells[floor]), ("tetra10", box.cells[~floor])]
-    blocks += [("triangle6", f) for f in faces_of(box).values()]
-    names = {"floor": 3, "body": 3, **dict.fromkeys(faces_of(box), 2)}
+    blocks += [("triangle6", f) for f in outer_faces(box).values()]
+    names = {"floor": 3, "body": 3, **dict.fromkeys(outer_faces(box), 2)}
     tags = [np.full(len(cells), k + 1) for k, (_, cells) in enumerate(blocks)]
     mesh = meshio.Mesh(
         1e3 * box.nodes_m,
@@ -251,33 +270,40 @@ def test_two_chambers_are_driven_by_two_pressures(tmp_path: Path) -> None:
     slopes = Skfem(SkfemConfig(pressure_max_pa=2e3)).solver(found.problem(), material).rest().dtau_dp
     assert slopes.shape == (1, 2)
     assert slopes[0, 0] > 0
-    # the body is symmetric about its web, its cut into tetrahedra is not quite
+    # the body is symmetric about its web, its mesh of tetrahedra is not quite
     assert slopes[0, 1] == pytest.approx(-slopes[0, 0], rel=0.05)
 
 
 def test_the_key_holds_the_file_s_content_not_its_place(tmp_path: Path, box: ModuleMesh) -> None:
-    first = written(tmp_path / "a.msh", box, faces_of(box))
+    first = written(tmp_path / "a.msh", box, outer_faces(box))
     second = tmp_path / "b.msh"
     second.write_bytes(first.read_bytes())
     keys = [content(family(path).config) for path in (first, second)]
     assert keys[0] == keys[1]
     assert family(first).design.parameters["file_sha256"] == family(second).design.parameters["file_sha256"]
     finer = written(
-        second, tetrahedral(box_mesh(refinement=2)), faces_of(tetrahedral(box_mesh(refinement=2)))
+        second, tetrahedral(box_mesh(refinement=2)), outer_faces(tetrahedral(box_mesh(refinement=2)))
     )
     assert content(family(finer).config) != keys[0]
-    assert len(family(finer).piece.mesh.cells) == 8 * len(
-        box.cells
-    )  # what was read before is not served again
+    assert len(family(finer).piece.mesh.cells) == 8 * len(box.cells)  # the former content is not read again
 
 
 def without(faces: dict[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
     return {key: value for key, value in faces.items() if key != name}
 
 
+def nose(points: np.ndarray, share: float) -> np.ndarray:
+    """Return the points with the tip scaled to this share of its width and height."""
+    drawn, end = points.copy(), points[:, 0] > points[:, 0].max() - 1e-6
+    middle = points[end].mean(axis=0)
+    drawn[end, 1] *= share  # the mirror plane is y = 0
+    drawn[end, 2] = middle[2] + share * (points[end, 2] - middle[2])
+    return drawn
+
+
 def wrong(case: str, path: Path, box: ModuleMesh) -> dict[str, Any]:
-    """Write a file that is wrong in one way; the config's keys that go with it."""
-    faces, points = faces_of(box), 1e3 * box.nodes_m
+    """Write a file that is wrong in one way; return the config's keys for it."""
+    faces, points = outer_faces(box), 1e3 * box.nodes_m
     if case == "missing":
         written(path, box, without(faces, "tip"))
     elif case == "leaks":
@@ -363,11 +389,30 @@ def test_wrong_files_get_one_sentence(case: str, tmp_path: Path, box: ModuleMesh
     assert "\n" not in str(caught.value)
 
 
+def test_a_neck_at_the_end_is_remarked_upon(tmp_path: Path, box: ModuleMesh) -> None:
+    path = tmp_path / "box.msh"
+    written(path, box, outer_faces(box), points=nose(1e3 * box.nodes_m, 0.4))
+    assert any("'tip' is" in remark and "this neck" in remark for remark in family(path).piece.remarks)
+
+
+def test_an_end_with_one_percent_area_is_refused() -> None:
+    """A frustum from 10 × 10 to 1 × 1 mm: V / L = (100 + 10 + 1) / 3 mm², of which 1 mm² is 2.7 %."""
+    square = np.array([[-5, -5], [5, -5], [5, 5], [-5, 5]])
+    nodes = np.array([[x, *(s * yz)] for x, s in ((0.0, 1.0), (20.0, 0.1)) for yz in square])
+    nodes, cells = as_quadratic(1e-3 * nodes, "hexahedron", np.arange(8)[None])
+    skin = Skin.from_cells(nodes, cells)
+    tip = skin.faces[np.all(np.isclose(nodes[skin.faces, 0], 20e-3), axis=1)]
+    with pytest.raises(
+        InvalidDesignError, match=r"'tip' is 1 mm² large, 2\.7\s?% of the solid's mean section"
+    ):
+        require_sections(nodes, cells, [("tip", tip)])
+
+
 def test_wrong_studies_get_one_sentence(tmp_path: Path, box: ModuleMesh) -> None:
-    path = written(tmp_path / "box.msh", box, faces_of(box))
+    path = written(tmp_path / "box.msh", box, outer_faces(box))
     with pytest.raises(UserError, match="is no file; did you mean 'box.msh'"):
         family(tmp_path / "bx.msh")
-    with pytest.raises(UserError, match="none of .msh, .vtu, .inp"):
+    with pytest.raises(UserError, match="none of .msh, .vtu, .vtk, .inp"):
         family(tmp_path / "box.step")
     with pytest.raises(UserError, match="each chamber's wall has its own name"):
         family(path, cavity=["cavity", "cavity"])
@@ -377,7 +422,7 @@ def test_wrong_studies_get_one_sentence(tmp_path: Path, box: ModuleMesh) -> None
 
 def test_a_code_without_tetrahedra_refuses_them(tmp_path: Path, box: ModuleMesh) -> None:
     ngsolve = pytest.importorskip("pliant_plugins.fem.ngsolve.backend")
-    problem = family(written(tmp_path / "box.msh", box, faces_of(box))).problem()
+    problem = family(written(tmp_path / "box.msh", box, outer_faces(box))).problem()
     with pytest.raises(UserError, match="does not know tetrahedra|does not know 'tetrahedra'"):
         ngsolve.Ngsolve(NgsolveConfig(pressure_max_pa=1e3)).solver(
             problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=1e5))
@@ -386,5 +431,16 @@ def test_a_code_without_tetrahedra_refuses_them(tmp_path: Path, box: ModuleMesh)
 
 def test_mirrored_skin_is_the_other_side(tmp_path: Path, box: ModuleMesh) -> None:
     """The halves' surfaces are mirror images in x = 0."""
-    surfaces = family(written(tmp_path / "box.msh", box, faces_of(box))).surface()
+    surfaces = family(written(tmp_path / "box.msh", box, outer_faces(box))).surface()
     assert mirrored(surfaces.end, 0).vertices_m == pytest.approx(surfaces.start.vertices_m)
+
+
+@pytest.mark.parametrize(
+    ("up", "sign", "said"), [("z", 1.0, ""), ("-z", -1.0, "write 'up: z'"), ("y", -1.0, "'up: -y'")]
+)
+def test_a_module_that_bends_the_other_way_is_told_to_be_turned(up: str, sign: float, said: str) -> None:
+    domain = Domain(np.array([0.0, 1e4]), np.array([[-0.5, 0.5]]))
+    chain = sample_chain(linear_law(sign * 8e-7, domain=domain))
+    study: Any = SimpleNamespace(family=SimpleNamespace(up=up))
+    remarks = turned_remarks(study, chain)
+    assert (said in " ".join(remarks)) and bool(remarks) == bool(said)

@@ -1,4 +1,4 @@
-"""What a design keeps: inequalities in words, and by how much one is broken."""
+"""Requirements of a design: inequalities in words, and the amount by which one is violated."""
 
 from __future__ import annotations
 

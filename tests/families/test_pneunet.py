@@ -1,4 +1,4 @@
-"""The PneuNet: what is valid, its regions and masses in closed form, and how its layer makes it bend."""
+"""The PneuNet: valid designs, its regions and masses in closed form, and the bending by its layer."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_impossible_chambers_are_refused(changes: dict[str, Any], says: str) -> 
         design(**changes)
 
 
-def test_layer_body_and_cavity_have_the_volumes_of_their_boxes() -> None:
+def test_layer_body_and_cavity_have_their_box_volumes() -> None:
     g = design().geometry
     mesh = design().problem().mesh
     volumes = 4 * cell_volumes(mesh.nodes_m, mesh.cells)
@@ -66,7 +66,7 @@ def test_layer_body_and_cavity_have_the_volumes_of_their_boxes() -> None:
     assert -4 * height @ upward == pytest.approx(chamber + channel, rel=1e-12)
 
 
-def test_the_layer_weighs_what_it_is_made_of() -> None:
+def test_the_layer_weighs_what_its_material_weighs() -> None:
     family = design()
     g = family.geometry
     light, heavy = family.mass(1000.0), family.mass(1000.0, {"layer": 1500.0})
@@ -77,7 +77,7 @@ def test_the_layer_weighs_what_it_is_made_of() -> None:
 
 @pytest.mark.parametrize(("stiffer", "less"), [(0.1, 5), pytest.param(1000.0, 0.1, marks=pytest.mark.slow)])
 def test_a_stiffer_layer_strains_less(stiffer: float, less: float) -> None:
-    """In the limit the line at the layer's middle keeps its length; a thick layer then resists bending too."""
+    """The line at the layer's middle keeps its length in the limit; a thick layer then also resists bending."""
     state, other = free(stiffer), free(10.0)
     compared = abs(state.axial_strain) / abs(other.axial_strain)
     assert compared > less if stiffer < 10 else compared < less
@@ -90,7 +90,7 @@ def test_thinner_walls_bend_more() -> None:
 
 
 def test_reciprocity() -> None:
-    """∂τ/∂p = ∂V/∂u: the energy is one."""
+    """∂τ/∂p = ∂V/∂u, as both derive from one energy."""
     made, u, step = solver(10.0), 0.05, 1e-3
     state = made.constrained(PRESSURE_PA, u, made.rest())
     more, less = (made.constrained(PRESSURE_PA, u + s, state) for s in (step, -step))

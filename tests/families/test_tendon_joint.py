@@ -1,4 +1,4 @@
-"""The tendon joint as a solid: faces that meet, masses, the tendon's path, designs that do not exist."""
+"""The tendon joint as a solid: conforming faces, masses, the tendon's path, invalid designs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def geometry() -> JointGeometry:
 
 
 def turned(geometry: JointGeometry, point: tuple[float, float], angle: float) -> np.ndarray:
-    """(x, z) of a point of the end link after the flexure bent as an arc; the middle section stays at rest."""
+    """Return (x, z) of a point of the end link after the flexure bent as an arc; the middle section stays at rest."""
     c, half = geometry.flexure_length_m, angle / 2
     end = c / angle * np.array([np.sin(half), -(1 - np.cos(half))])
     x, z = point[0] - c / 2, point[1]
@@ -38,7 +38,7 @@ def turned(geometry: JointGeometry, point: tuple[float, float], angle: float) ->
 
 
 def outline(geometry: JointGeometry) -> np.ndarray:
-    """The end link's outline in the plane y = 0, counter-clockwise."""
+    """Return the end link's outline in the plane y = 0, counter-clockwise."""
     half, edge = geometry.flexure_thickness_m / 2, geometry.link_height_m / 2
     back, span = geometry.module_length_m / 2, geometry.span_m
     upper, lower = (geometry.upper_edge_x_m, edge), (geometry.lower_edge_x_m, -edge)
@@ -60,7 +60,7 @@ def test_the_links_edges_meet_at_the_stated_angles(geometry: JointGeometry) -> N
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_arm_is_the_slope_of_the_tendons_length(geometry: JointGeometry, angle: float) -> None:
+def test_the_arm_is_the_tendon_length_slope(geometry: JointGeometry, angle: float) -> None:
     step = 1e-4
     slope = (geometry.tendon_length_m(angle + step) - geometry.tendon_length_m(angle - step)) / (2 * step)
     assert geometry.tendon_arm_m(angle) == pytest.approx(-slope, rel=1e-7)
@@ -113,7 +113,7 @@ def test_the_module_weighs_as_much_as_the_published_link() -> None:
     assert mass.end.com_m[2] > 0 and abs(mass.end.com_m[1]) < 1e-15
 
 
-def test_the_links_have_a_density_of_their_own(geometry: JointGeometry) -> None:
+def test_the_links_have_a_separate_density(geometry: JointGeometry) -> None:
     light, heavy = joint().mass(500.0).end.mass_kg, joint().mass(1500.0).end.mass_kg
     flexure = geometry.span_m * geometry.flexure_width_m * geometry.flexure_thickness_m
     assert heavy - light == pytest.approx(1000 * flexure, rel=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
-from tests.families.solvers import rubber, solver_of
+from tests.families.solvers import make_solver, rubber
 
 from pliant.interfaces.fem import ModuleSolver
 from pliant_plugins.families.reference import TENDON_JOINT
@@ -30,17 +30,17 @@ def joint(**changes: object) -> TendonJoint:
 
 @cache
 def solver(slender: bool) -> ModuleSolver:
-    return solver_of(joint(**(SLENDER if slender else {})).problem(), rubber(MU, poisson_ratio=NU))
+    return make_solver(joint(**(SLENDER if slender else {})).problem(), rubber(MU, poisson_ratio=NU))
 
 
 def bending_stiffness(family: TendonJoint) -> float:
-    """E I of the flexure."""
+    """Return E I of the flexure."""
     g = family.geometry
     return E * g.flexure_width_m * g.flexure_thickness_m**3 / 12
 
 
 def test_at_rest_it_is_a_beam_with_the_tendons_offset_for_an_arm() -> None:
-    """A slender flexure a beam, but bonded ends cannot contract; a wide one lies between beam and plate."""
+    """A slender flexure is a beam, except that bonded ends cannot contract; a wide one is between beam and plate."""
     for slender, most in ((True, 1.02), (False, 1.02 / (1 - NU**2))):
         family, rest = joint(**(SLENDER if slender else {})), solver(slender).rest()
         beam = bending_stiffness(family) / family.geometry.flexure_length_m
@@ -66,7 +66,7 @@ def test_without_a_tendon_it_bends_alike_both_ways() -> None:
     assert up.moment_n_m < 0 < up.energy_j
 
 
-def test_slopes_are_those_of_moment_travel_and_energy() -> None:
+def test_slopes_match_moment_travel_and_energy() -> None:
     """∂τ/∂T = ∂W/∂u, ∂τ/∂u by differences, and dU = T dW − τ du along a change of angle."""
     model, step = solver(False), 1e-3
     here = model.constrained(4.0, 0.35, model.free(4.0, model.rest()))
@@ -84,9 +84,9 @@ def test_slopes_are_those_of_moment_travel_and_energy() -> None:
 
 
 def elastica_angle(family: TendonJoint, force: float, guess: float) -> float:
-    """Free angle of an extensible elastica between rigid links: κ = T (z − z_hole)/EI, ε = −T cos φ/EA.
+    """Return the free angle of an extensible elastica between rigid links: κ = T (z − z_hole)/EI, ε = −T cos φ/EA.
 
-    The middle section stays at rest; the height z_hole of the taut tendon is what the end section's place says.
+    The middle section stays at rest; the height z_hole of the taut tendon follows from the end section's position.
     """
     g = family.geometry
     EI = bending_stiffness(family)
@@ -114,7 +114,7 @@ def elastica_angle(family: TendonJoint, force: float, guess: float) -> float:
 def test_the_free_branch_is_an_elasticas() -> None:
     family, model = joint(**SLENDER), solver(True)
     stiffness = -model.rest().dmoment_du
-    # the beam's own error, bonded ends, is taken out by the force
+    # the beam's own error, bonded ends, is eliminated by scaling the force
     excess = stiffness * family.geometry.flexure_length_m / bending_stiffness(family)
     unit = bending_stiffness(family) / family.geometry.flexure_length_m / family.geometry.tendon_offset_m
     state = model.rest()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.families.solvers import rubber, solver_of
+from tests.families.solvers import make_solver, rubber
 
 from pliant.interfaces.fem import ModuleSolver
 from pliant_plugins.families.reference import TENDON_JOINT
@@ -21,7 +21,7 @@ STOP = -0.02  # below, the published links touch
 
 @pytest.fixture(scope="module")
 def rows() -> np.ndarray:
-    """(n, 3): tendon force (N), joint angle (rad), opposing moment (N·m)."""
+    """Return (n, 3): tendon force (N), joint angle (rad), opposing moment (N·m)."""
     if not TABLE.exists():
         pytest.skip(f"reference data absent: {TABLE}")
     names = ("tendon_force_n", "joint_angle_rad", "moment_n_m")
@@ -32,7 +32,7 @@ def rows() -> np.ndarray:
 @pytest.fixture(scope="module")
 def solver() -> ModuleSolver:
     config = TendonJointConfig.model_validate({**TENDON_JOINT, "tendon_offset": OFFSET})
-    return solver_of(TendonJoint(config).problem(), rubber(MU))
+    return make_solver(TendonJoint(config).problem(), rubber(MU))
 
 
 def test_the_fitted_free_branch(rows: np.ndarray, solver: ModuleSolver) -> None:
@@ -45,7 +45,7 @@ def test_the_fitted_free_branch(rows: np.ndarray, solver: ModuleSolver) -> None:
 
 
 def test_the_predicted_constrained_branch(rows: np.ndarray, solver: ModuleSolver) -> None:
-    """Every fourth row of three forces; the benchmark takes all: 2.3 %, at worst 3.7 % (2 N)."""
+    """Compare every fourth row of three forces; the benchmark takes all: 2.3 %, at worst 3.7 % (2 N)."""
     for force in (2.0, 4.5, 6.0):
         branch = rows[(rows[:, 2] > 0) & (rows[:, 0] == force) & (rows[:, 1] > STOP)][::4]
         state, errors = solver.free(force, solver.rest()), []

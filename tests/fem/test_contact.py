@@ -1,4 +1,4 @@
-"""Walls that touch, by law: closed forms of pressed blocks, energy, symmetry, and nothing where nothing touches."""
+"""Walls that touch, by law: closed forms of pressed blocks, energy, symmetry, and no force without contact."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from pliant_plugins.fem.config import NgsolveConfig, SkfemConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.contact import DEEPEST, GIVE, PlaneContact, Skin
+from pliant_plugins.fem.skfem.contact import DEEPEST, GIVE, ContactSkin, PlaneContact
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU = 240e3
-BLOCK = np.array([3e-3, 2e-3, 2e-3])  # its end stands before the plane
+BLOCK = np.array([3e-3, 2e-3, 2e-3])  # its end is before the plane
 GAP = 1e-3
 TOUCH_PA = 7.5e3  # the thin bellow's folds meet a little below
 
@@ -41,7 +41,7 @@ def solver(problem: ModuleProblem, how: str = "solve", modulus_pa: float = MU) -
 
 
 def block() -> ModuleProblem:
-    """A block on the start plane whose end stands `GAP` before the end plane: of two that meet, one."""
+    """Return a block on the start plane, one of two that meet, whose end has the distance `GAP` to the end plane."""
     nodes = np.stack(np.meshgrid(*[np.linspace(0, size, 5) for size in BLOCK], indexing="ij"), axis=-1)
     ids = np.arange(125).reshape(5, 5, 5)
     cells = grid_cells(ids)
@@ -68,13 +68,13 @@ def block() -> ModuleProblem:
 
 
 def thin_bellow() -> ModuleProblem:
-    """Its folds meet within its working range."""
+    """Return a bellow whose folds meet within its working range."""
     lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 0.8e-3, "module_length": 6e-3}
     return BellowBending(BellowBendingConfig.model_validate(lengths)).problem()
 
 
 def uniaxial_pa(stretch: float) -> float:
-    """Nominal stress of a bar of the material whose sides are free."""
+    """Return the nominal stress of a bar of the material with free sides."""
     law = material()
 
     def stress(side: float) -> np.ndarray:
@@ -86,7 +86,7 @@ def uniaxial_pa(stretch: float) -> float:
 
 @pytest.mark.parametrize("pressed_m", [0.05e-3, 0.6e-3])
 def test_two_blocks_pressed_have_a_closed_form(pressed_m: float) -> None:
-    """The force is that of a bar whose end pressure φ' = μ (d/h)² is its own stress; before they meet there is none."""
+    """The force is that of a bar whose end pressure φ' = μ (d/h)² equals its own stress, and zero before contact."""
     problem = block()
     here = solver(problem)
     contact = here.assembler.contacts
@@ -102,7 +102,7 @@ def test_two_blocks_pressed_have_a_closed_form(pressed_m: float) -> None:
 
     depth = brentq(unbalanced, 0.0, DEEPEST * contact.skin.wall_m, xtol=1e-16)
     force = uniaxial_pa(1 - (pressed_m - depth) / BLOCK[0]) * BLOCK[1] * BLOCK[2]
-    # the effort opposes what the blocks' stress does
+    # the effort opposes the work of the blocks' stress
     assert state.moment_n_m == pytest.approx(-force, rel=1e-6)
     assert state.status == "touching"
     assert contact.deepest(state.solution, state.axial_strain) == pytest.approx(
@@ -110,7 +110,7 @@ def test_two_blocks_pressed_have_a_closed_form(pressed_m: float) -> None:
     )
 
 
-def test_work_of_the_press_is_what_the_blocks_store() -> None:
+def test_press_work_is_what_the_blocks_store() -> None:
     """∫ τ du over closing, touching and pressing, by Gauss points, is the change of stored energy."""
     here = solver(block())
     ends = -np.array([0.9, 1.0, 1.02, 1.1, 1.6]) * GAP
@@ -126,7 +126,7 @@ def test_work_of_the_press_is_what_the_blocks_store() -> None:
 
 
 def test_contact_has_exact_derivatives_and_a_symmetric_tangent() -> None:
-    """Gradient and Hessian of what contact stores, at a body pushed through both planes, against differences."""
+    """Gradient and Hessian of the contact energy, at a body pushed through both planes, against differences."""
     problem = replace(box_problem(), axes=("y", "z"), joint="spherical")
     assembler = Assembler(problem, material(), contact=True)
     random, G = np.random.default_rng(0), assembler.globals.count
@@ -160,7 +160,7 @@ def test_contact_has_exact_derivatives_and_a_symmetric_tangent() -> None:
 
 @pytest.mark.slow
 def test_before_they_touch_nothing_is_changed() -> None:
-    """Bit for bit: unknowns, effort, slopes, energy."""
+    """Unknowns, effort, slopes and energy are equal bit for bit."""
     problem = thin_bellow()
     states = []
     for how in ("solve", "end"):
@@ -178,7 +178,7 @@ def test_before_they_touch_nothing_is_changed() -> None:
 
 @pytest.fixture(scope="module")
 def pressed() -> tuple[SkfemSolver, FemState]:
-    """The thin bellow half as far again as where its folds meet."""
+    """Return the thin bellow compressed by half more than where its folds meet."""
     here = solver(thin_bellow())
     state = here.rest()
     for pressure in (1e3, 2.5e3, 5e3, TOUCH_PA, 1.5 * TOUCH_PA):
@@ -193,14 +193,14 @@ def test_folds_that_meet_hold_each_other(pressed: tuple[SkfemSolver, FemState]) 
     assert contact is not None
     assert state.status == "touching"
     assert 0 < contact.deepest(state.solution, state.axial_strain) < DEEPEST
-    # nodes too, between which the points stand, stay before the plane
+    # nodes too, between which the contact points are, stay before the plane
     section = here._section(state.solution)[np.unique(here.problem.mesh.skin), 0]
     beyond = section.max() - (1 + state.axial_strain) * here.problem.span_m
     assert 0 < beyond < 2 * DEEPEST * contact.skin.wall_m
 
 
 @pytest.mark.slow
-def test_slopes_in_contact_are_those_of_differences(pressed: tuple[SkfemSolver, FemState]) -> None:
+def test_slopes_in_contact_equal_differences(pressed: tuple[SkfemSolver, FemState]) -> None:
     """∂τ/∂u, ∂τ/∂p, and Maxwell's ∂V/∂u = ∂τ/∂p, to 1e-5."""
     here, free = pressed
     at = here.constrained(free.actuation, free.angle_rad - 0.02, free)
@@ -214,18 +214,18 @@ def test_slopes_in_contact_are_those_of_differences(pressed: tuple[SkfemSolver, 
 
 
 def test_cuts_do_not_count_as_skin() -> None:
-    """Faces in the sections and in the mirror plane y = 0 meet nothing; the rest is the skin's area."""
+    """Faces in the sections and in the mirror plane y = 0 have no contact; the others have the skin's area."""
     problem = box_problem()
-    skin = Skin.of(problem, MU, 1.0)
+    skin = ContactSkin.from_problem(problem, MU, 1.0)
     assert skin is not None
     nodes = problem.mesh.nodes_m[skin.faces.nodes]
     assert not np.any(np.ptp(nodes[..., 0], axis=1) == 0)
     assert not np.any(np.all(nodes[..., 1] == 0, axis=1))
     inside, outside = 2 * 3e-3 + 4e-3, 2 * 4.5e-3 + 8.5e-3  # of half the section
     assert skin.weight.sum() == pytest.approx(6e-3 * (inside + outside), rel=1e-12)
-    planes = PlaneContact.of(problem, skin)
+    planes = PlaneContact.from_problem(problem, skin)
     assert planes is not None and len(planes.normal) == 3
-    assert PlaneContact.of(replace(problem, contact_planes=(), fixed={}), skin) is None
+    assert PlaneContact.from_problem(replace(problem, contact_planes=(), fixed={}), skin) is None
 
 
 def test_the_earlier_name_is_read_and_kept_in_what_names_results() -> None:

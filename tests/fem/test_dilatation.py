@@ -19,8 +19,8 @@ LAWS = {
 
 
 @pytest.mark.parametrize("kind", LAWS)
-def test_stress_and_tangent_are_the_slopes_of_the_energy(kind: str) -> None:
-    """All 11 × 11 entries, ∂²W/∂ϑ² among them, at a state far from rest whose ϑ is not J."""
+def test_stress_and_tangent_are_the_energy_slopes(kind: str) -> None:
+    """Compare all 11 × 11 entries, ∂²W/∂ϑ² among them, at a state far from rest whose ϑ is not J."""
     component = discover().get("material", kind)
     material: Material = component.build(
         component.config_model()(kind=kind, poisson_ratio=0.45, **LAWS[kind])
@@ -43,4 +43,4 @@ def test_stress_and_tangent_are_the_slopes_of_the_energy(kind: str) -> None:
     np.testing.assert_allclose(law.tangent[0, 0], curvatures, rtol=0, atol=1e-8 * np.abs(curvatures).max())
     assert (
         abs(law.tangent[0, 0, 9, 9]) > 1e-3 * np.abs(curvatures).max()
-    )  # large enough that its factors are seen
+    )  # large enough that its factors matter

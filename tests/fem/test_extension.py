@@ -1,4 +1,4 @@
-"""The extension as a coordinate of a module that bends and twists: rod theory, and what its elimination must give."""
+"""The extension as a coordinate of a module that bends and twists: rod theory, and the result of its elimination."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 PRESSURE = 4e3
 
 
-def solver_of(problem: ModuleProblem) -> SkfemSolver:
+def make_solver(problem: ModuleProblem) -> SkfemSolver:
     return Skfem(SkfemConfig()).solver(problem, sample_material())
 
 
 def extensible() -> SkfemSolver:
-    return solver_of(replace(spatial_box_problem(), axes=EXTENSIBLE_AXES, joint="extensible"))
+    return make_solver(replace(spatial_box_problem(), axes=EXTENSIBLE_AXES, joint="extensible"))
 
 
 def test_small_extensions_follow_rod_theory() -> None:
-    """−∂F/∂e = E A / l, ∂F/∂p = (1 − 2ν) A_c of the cavity, in newtons and metres beside the turns."""
+    """−∂F/∂e = E A / l, ∂F/∂p = (1 − 2ν) A_c of the cavity, in newtons and metres in the row after the turns."""
     rest = extensible().rest()
     assert -rest.dtau_du[3, 3] == pytest.approx(BOX.axial_stiffness_n_m, rel=1e-5)
     assert rest.dtau_dp[3] == pytest.approx(BOX.thrust_m2, rel=1e-5)
@@ -36,9 +36,9 @@ def test_small_extensions_follow_rod_theory() -> None:
 
 
 def test_without_a_force_along_it_it_is_the_ball_joint() -> None:
-    """e free: the same state, and its slopes are the extensible ones with e eliminated (Schur's complement)."""
+    """With e free the state is the same; its slopes are the extensible ones with e eliminated (Schur's complement)."""
     held = {"x": 0.06, "y": 0.1, "z": -0.08}
-    ball, long = solver_of(spatial_box_problem()), extensible()
+    ball, long = make_solver(spatial_box_problem()), extensible()
     wanted = ball.constrained(PRESSURE, held, ball.rest())
     found = long.constrained(PRESSURE, held, long.rest())
     length = spatial_box_problem().span_m
@@ -52,7 +52,7 @@ def test_without_a_force_along_it_it_is_the_ball_joint() -> None:
     np.testing.assert_allclose(by_p[:3] - k[:3, 3] * by_p[3] / k[3, 3], wanted.dtau_dp, rtol=1e-5, atol=1e-12)
 
 
-def test_slopes_are_those_of_the_efforts_and_of_the_energy() -> None:
+def test_slopes_match_the_efforts_and_the_energy() -> None:
     """Around a state that is bent, twisted and stretched: differences of τ by e, and −∂Π/∂e = F."""
     long, step = extensible(), 2e-6
     held = {"x": 0.06, "y": 0.1, "z": -0.08, "e": 2e-4}
@@ -73,4 +73,4 @@ def test_slopes_are_those_of_the_efforts_and_of_the_energy() -> None:
 def test_a_line_that_does_not_stretch_has_no_extension() -> None:
     problem = replace(spatial_box_problem(), axes=EXTENSIBLE_AXES, joint="extensible", stretches=False)
     with pytest.raises(UserError, match="distinct ones of x, y, z, not"):
-        solver_of(problem)
+        make_solver(problem)

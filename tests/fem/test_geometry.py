@@ -34,7 +34,7 @@ def valid(designs: list[tuple[float, ...]]) -> list[BellowGeometry]:
 
 
 def check_mesh(geometry: BellowGeometry, refinement: int = 1) -> None:
-    """Positive Jacobians, a closed skin, and the exact solid's volume but for the foot's fillet."""
+    """Check positive Jacobians, a closed skin, and the exact solid's volume except for the foot's fillet."""
     mesh = build_mesh(geometry, refinement)
     _, volume = quadrature(mesh.nodes_m, mesh.cells)
     assert volume.min() > 0
@@ -49,7 +49,7 @@ def test_mesh_over_the_study_range(geometry: BellowGeometry) -> None:
     check_mesh(geometry)
 
 
-def test_mesh_of_every_published_design() -> None:
+def test_mesh_for_every_published_design() -> None:
     if not COEFFICIENTS.exists():
         pytest.skip(f"reference data absent: {COEFFICIENTS}")
     with COEFFICIENTS.open() as file:
@@ -73,7 +73,7 @@ def test_refined_mesh_and_its_cavity() -> None:
 
 
 @pytest.mark.parametrize(("r", "R", "t", "l"), [(2, 6, 1.5, 11), (2.75, 9, 1.5, 9), (5, 7.5, 1.5, 10)])
-def test_published_volume_is_that_of_the_mid_surface(r: float, R: float, t: float, l: float) -> None:  # noqa: E741
+def test_the_published_volume_equals_the_mid_surface(r: float, R: float, t: float, l: float) -> None:  # noqa: E741
     geometry = bellow(r, R, t, l)
     f = 2 * R - 2 * r - l / 2
     v1 = 2 * np.pi * t * (l / 4) * ((r + l / 4) * np.pi / 2 - l / 4)
@@ -84,8 +84,8 @@ def test_published_volume_is_that_of_the_mid_surface(r: float, R: float, t: floa
     assert geometry.wall_volume(-half, half) == pytest.approx(published, rel=1e-12)
 
 
-def test_wall_volume_is_the_growth_of_the_tube() -> None:
-    """The wall's closed form against ∫ π ρ² dx of the outer profile less that of the inner one."""
+def test_wall_volume_is_the_tube_growth() -> None:
+    """The wall's closed form equals ∫ π ρ² dx of the outer profile less that of the inner one."""
     geometry = bellow(2, 6, 1.5, 11)
     node, weight = np.polynomial.legendre.leggauss(40)
     angle, weight = np.pi / 4 * (node + 1), np.pi / 4 * weight
@@ -103,7 +103,7 @@ def test_wall_volume_is_the_growth_of_the_tube() -> None:
 
 
 def test_plate_is_full_width_at_full_height() -> None:
-    """Also where the crest's foot is narrower than the plate: the solid reaches the corner (l/2, R, ±t)."""
+    """Also where the crest's foot is narrower than the plate the solid reaches the corner (l/2, R, ±t)."""
     geometry = bellow(5, 7.5, 1.5, 9)
     mesh = build_mesh(geometry)
     for x in (0.0, geometry.half_length_m):
@@ -112,7 +112,7 @@ def test_plate_is_full_width_at_full_height() -> None:
             assert np.linalg.norm(mesh.nodes_m - corner, axis=1).min() < 1e-12
 
 
-def test_mass_is_that_of_the_solid_and_mirrored() -> None:
+def test_mass_equals_the_solid_and_mirrored() -> None:
     bend = family()
     mass = bend.mass(1150.0)
     whole = mass.start.joined(mass.end)
@@ -162,7 +162,7 @@ def test_bad_designs_name_the_inequality(design: tuple[float, ...], words: tuple
         assert word in message
 
 
-def test_exact_equality_of_the_arcs_is_valid() -> None:
+def test_exactly_equal_arcs_are_valid() -> None:
     """R − r = l/4 leaves no flank; rounding must not reject it."""
     geometry = bellow(5, 7.5, 1.5, 10)
     assert all(need.is_kept for need in geometry.needs())

@@ -1,4 +1,4 @@
-"""The second FEM backend against the first, closed forms, its own differences; what it refuses."""
+"""The second FEM backend against the first, closed forms and its own differences; its refusals."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from pliant_plugins.fem.ngsolve.mesh import CAVITY, curved_mesh, eliminate, noda
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.manifest import pliant_components
 from pliant_plugins.materials.mooney_rivlin import MooneyRivlin, MooneyRivlinConfig
+from pliant_plugins.materials.named import Named, NamedConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 from pliant_plugins.materials.ogden import Ogden, OgdenConfig
 from pliant_plugins.materials.yeoh import Yeoh, YeohConfig
@@ -47,7 +48,7 @@ def solver(problem: ModuleProblem, material: Material | None = None, **options: 
 
 
 def plain_skfem(problem: ModuleProblem) -> ModuleSolver:
-    """The first backend with plain displacement cells: the same elements as ours for a compressible solid."""
+    """Return the first backend with plain displacement cells: the same elements for a compressible solid."""
     config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "dilatation": "point"})
     return Skfem(config).solver(problem, sample_material())
 
@@ -72,14 +73,14 @@ def test_the_curved_mesh_has_the_nodes_volumes(bellow: BellowBending) -> None:
     assert inside == pytest.approx(bellow.geometry.cavity_volume() / 4, rel=1e-4)
 
 
-def test_nodal_values_are_those_of_the_field(bellow: BellowBending) -> None:
+def test_nodal_values_equal_the_field(bellow: BellowBending) -> None:
     mesh = bellow.problem().mesh
     made = curved_mesh(mesh)
     space = ngs.H1(made, order=3)
     field = ngs.GridFunction(space)
     field.Set(ngs.x / 1e-3 + 2 * ngs.z / 1e-3)
     values = nodal_table(space, mesh) @ field.vec.FV().NumPy()
-    # isoparametric cells hold linear functions of the position exactly
+    # isoparametric cells represent linear functions of the position exactly
     assert values == pytest.approx((mesh.nodes_m[:, 0] + 2 * mesh.nodes_m[:, 2]) / 1e-3, abs=1e-9)
 
 
@@ -195,7 +196,7 @@ def test_threads_change_nothing() -> None:
     assert pressed(four).moment_n_m == pytest.approx(pressed(alone).moment_n_m, rel=1e-9)
 
 
-def test_fields_are_those_of_the_state() -> None:
+def test_fields_equal_the_state() -> None:
     problem, material = box_problem(), rubber()
     s = solver(problem, material)
     state = s.constrained(15e3, 0.1, s.rest())
@@ -217,7 +218,7 @@ def test_fields_are_those_of_the_state() -> None:
     assert rest["von_mises_pa"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_stretched_bar_has_the_stress_of_its_law() -> None:
+def test_a_stretched_bar_has_its_law_stress() -> None:
     # free of pressure, stretched by hand: uniaxial tension, σ = 2 C10 (λ² − 1/λ) where incompressible
     problem = prismatic_box_problem()
     material = rubber(0.4995)
@@ -247,6 +248,12 @@ def test_rigid_parts_that_meet_are_marked() -> None:
     apart = s.constrained(0.1, 0.05, s.rest())
     assert apart.status == "ok"
     assert s.constrained(0.1, 0.1, apart).status == "self_contact"
+
+
+def test_a_named_rubber_has_its_law_symbols() -> None:
+    latex = Named(NamedConfig(name="latex"))
+    here, law = (solver(box_problem(), solid).rest().dmoment_du for solid in (latex, latex.resolved))
+    assert here == law
 
 
 def test_laws_without_symbols_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Where the next state is expected: interpolation of values and slopes, and states that do not depend on it."""
+"""The predicted start of the next state: interpolation of values and slopes, and states independent of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KNOWN = np.array([[0.0, 0.0], [1.0, 0.4], [0.0, -0.5], [1.0, 1.0], [0.5, 0.1], [
 
 
 def manifold(z: np.ndarray) -> Anchor:
-    """x = (sin(p + u), p cos u, e, u) and f = p − u − u³/3 with their slopes."""
+    """Return x = (sin(p + u), p cos u, e, u) and f = p − u − u³/3 with their slopes."""
     p, u = z
     x = np.array([np.sin(p + u), p * np.cos(u), 0.1 * p * u, u])
     slopes = [[np.cos(p + u)] * 2, [np.cos(u), -p * np.sin(u)], [0.1 * u, 0.1 * p], [0.0, 1.0]]
@@ -80,7 +80,7 @@ def test_the_same_states_with_fewer_corrections() -> None:
     assert told[-1].iterations < plain[-1].iterations
 
 
-def test_states_of_another_process_foretell_the_same_bits() -> None:
+def test_states_from_another_process_foretell_the_same_bits() -> None:
     whole = walked(solver(), told=True)
     again = solver()
     for state in whole[:-1]:

@@ -20,7 +20,7 @@ CURVE = Path(__file__).parents[3] / "shared/data/reference/bellow_bending_fem.cs
 MU = 248e3
 
 
-def test_free_bending_of_the_reference_design() -> None:
+def test_free_bending_in_the_reference_design() -> None:
     if not CURVE.exists():
         pytest.skip(f"reference data absent: {CURVE}")
     with CURVE.open() as file:
@@ -51,10 +51,10 @@ def test_free_bending_of_the_reference_design() -> None:
     assert best.x == pytest.approx(249.3e3, rel=0.01)
 
 
-def test_the_states_of_other_rooms_tests_are_still_those_of_the_fem(
+def test_the_states_in_other_rooms_tests_still_equal_the_fem(
     fem_states: list[dict[str, float]],
 ) -> None:
-    """One of the table's states solved again; `python tests/solve_fem_states.py` writes it anew."""
+    """One state of the table is solved again; `python tests/solve_fem_states.py` rewrites the table."""
     row = fem_states[0]
     (state,) = solved(row["wall_m"], (row["pressure_pa"],))
     for name in RESULTS:

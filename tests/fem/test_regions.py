@@ -1,4 +1,4 @@
-"""Regions of other materials in a module: laws of composites, and what is refused."""
+"""Regions of different materials in a module: laws of composites, and refused inputs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def solver(problem: ModuleProblem, floor: float | None = None, **options: object
     return Skfem(config).solver(problem, material)
 
 
-def test_a_region_of_the_bodys_own_material_changes_no_bit() -> None:
+def test_a_region_with_the_body_material_changes_no_bit() -> None:
     plain, same = solver(box_problem()), solver(layered_box_problem(), 1.0)
     a, b = (s.constrained(PRESSURE_PA, ANGLE_RAD, s.rest()) for s in (plain, same))
     assert np.array_equal(a.solution, b.solution)
@@ -59,9 +59,9 @@ def test_two_halves_that_are_half_as_stiff_are_one_region_half_as_stiff() -> Non
 
 
 def composite(floor: float) -> tuple[float, float]:
-    """Σ E I about the stiffness-weighted centroid, and Σ E A, of the box in Pa m⁴ and Pa m²."""
+    """Return Σ E I about the stiffness-weighted centroid, and Σ E A, of the box in Pa m⁴ and Pa m²."""
     young = 2 * MU * (1 + NU)
-    parts = (  # modulus, width, low and high; the cavity counts with minus
+    parts = (  # modulus, width, low and high; the cavity counts negative
         (young * floor, 2 * Y[2], Z[0], Z[1]),
         (young, 2 * Y[2], Z[1], Z[3]),
         (-young, 2 * Y[1], Z[1], Z[2]),
@@ -73,8 +73,8 @@ def composite(floor: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("dilatation", ["cell", "continuous", "point"])
 @pytest.mark.parametrize("floor", [10.0, 0.1])
-def test_small_bends_are_those_of_a_composite_beam(floor: float, dilatation: str) -> None:
-    """Equal Poisson ratios: the beam's solution, σ = E(z) ε, is exact and in the space of the cells."""
+def test_small_bends_match_a_composite_beam(floor: float, dilatation: str) -> None:
+    """For equal Poisson ratios the beam's solution, σ = E(z) ε, is exact and in the space of the cells."""
     bending, _ = composite(floor)
     rest = solver(layered_box_problem(), floor, dilatation=dilatation).rest()
     assert rest.dmoment_du == pytest.approx(-bending / (2 * box_problem().span_m), rel=1e-6)
@@ -101,7 +101,7 @@ def test_a_confined_laminate_has_a_closed_form(cut: Callable[[ModuleMesh], Modul
         return float(material.evaluate(np.diag([stretch, 1.0, 1.0])).stress[0, 0])
 
     stretch = brentq(lambda s: stress(soft, s) - stress(hard, 1.5 - s), 0.5, 1.0, xtol=1e-15)
-    # the effort opposes what the laminate's stress does
+    # the effort opposes the work of the laminate's stress
     assert state.moment_n_m == pytest.approx(-4e-6 * stress(soft, stretch), rel=1e-8)
 
 
@@ -125,7 +125,7 @@ def test_a_region_that_becomes_rigid_stops_what_it_holds() -> None:
     assert moves[2] == pytest.approx(moves[1] / 10, rel=0.05)
 
 
-def test_slopes_of_two_materials_are_exact() -> None:
+def test_slopes_with_two_materials_are_exact() -> None:
     made = solver(layered_box_problem(), 10.0)
     state, step = made.constrained(PRESSURE_PA, ANGLE_RAD, made.rest()), 1e-3
     more, less = (made.constrained(PRESSURE_PA, ANGLE_RAD + s, state) for s in (step, -step))

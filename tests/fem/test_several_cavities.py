@@ -20,7 +20,7 @@ HELD = {"x": 0.1, "y": 0.06, "z": -0.04}
 BACKEND = Skfem(SkfemConfig.model_validate({"kind": "skfem", "pressure_max": "20 kPa"}))
 
 
-def solver_of(kind: str, **keys: object):
+def make_solver(kind: str, **keys: object):
     component = discover().get("family", kind)
     family = component.build(component.config_model().model_validate({"kind": kind, **KINDS[kind], **keys}))
     problem = family.problem()
@@ -31,7 +31,7 @@ def solver_of(kind: str, **keys: object):
 @pytest.mark.parametrize("kind", KINDS)
 def test_slopes_are_exact_and_travels_are_conjugate(kind: str) -> None:
     """∂τ/∂a and ∂τ/∂u by differences; dU = τ du + Σ a dtravel; ∂travel_j/∂u_i = ∂τ_i/∂a_j (one energy)."""
-    solver, problem, held, p = solver_of(kind)
+    solver, problem, held, p = make_solver(kind)
     state = solver.constrained(p, held, solver.rest())
     size = np.abs(state.dtau_dp).max()
     for j in range(len(p)):
@@ -53,7 +53,7 @@ def test_slopes_are_exact_and_travels_are_conjugate(kind: str) -> None:
 
 def test_two_chambers_that_change_places_bend_the_other_way() -> None:
     """τ(p₂, p₁, −u) = −τ(p₁, p₂, u)."""
-    solver, _, _, _ = solver_of("two_chamber")
+    solver, _, _, _ = make_solver("two_chamber")
     rest = solver.rest()
     one = solver.constrained([9e3, 4e3], 0.06, rest)
     other = solver.constrained([4e3, 9e3], -0.06, rest)
@@ -64,7 +64,7 @@ def test_two_chambers_that_change_places_bend_the_other_way() -> None:
 
 def test_three_chambers_that_change_places_turn_the_bend_by_120_degrees() -> None:
     """τ(P a, R u) = R τ(a, u) with R a turn by 120° about x and P the pressures moved to the next chamber."""
-    solver, _, held, p = solver_of("three_chamber")
+    solver, _, held, p = make_solver("three_chamber")
     rest = solver.rest()
     c, s = np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)
     R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
@@ -76,7 +76,7 @@ def test_three_chambers_that_change_places_turn_the_bend_by_120_degrees() -> Non
 
 
 def test_more_pressures_than_chambers_are_one_sentence() -> None:
-    solver, problem, _, _ = solver_of("two_chamber")
+    solver, problem, _, _ = make_solver("two_chamber")
     with pytest.raises(
         UserError, match="3 inputs are given, and the module has 2: pressure_1_pa, pressure_2_pa"
     ):
@@ -86,7 +86,7 @@ def test_more_pressures_than_chambers_are_one_sentence() -> None:
         BACKEND.checked_solver(wider, MATERIAL)
 
 
-def test_limits_are_those_of_each_input() -> None:
+def test_limits_apply_to_each_input() -> None:
     config = SkfemConfig.model_validate({"pressure_max": "20 kPa", "limits": {"pressure_2_pa": "8 kPa"}})
     np.testing.assert_array_equal(config.actuation_max("pressure_1_pa, pressure_2_pa"), [20e3, 8e3])
     assert "limits" not in SkfemConfig.model_validate({"pressure_max": "20 kPa"}).canonical()
@@ -98,8 +98,8 @@ def test_limits_are_those_of_each_input() -> None:
 
 
 def test_three_equal_pressures_make_an_extending_module_longer_and_nothing_else() -> None:
-    """By the threefold symmetry; a force along it, −∂F/∂e times the extension to first order, holds it as it is."""
-    solver, problem, _, _ = solver_of("three_chamber", extends=True)
+    """The symmetry is threefold; −∂F/∂e times the extension is to first order the axial force that prevents it."""
+    solver, problem, _, _ = make_solver("three_chamber", extends=True)
     assert (problem.joint, problem.axes) == ("extensible", ("x", "y", "z", "e"))
     rest = solver.rest()
     free = solver.free([9e3, 9e3, 9e3], rest)
@@ -111,8 +111,8 @@ def test_three_equal_pressures_make_an_extending_module_longer_and_nothing_else(
 
 
 def test_an_extending_module_without_a_force_along_it_is_the_one_that_does_not() -> None:
-    ball, _, held, p = solver_of("three_chamber")
-    long = solver_of("three_chamber", extends=True)[0]
+    ball, _, held, p = make_solver("three_chamber")
+    long = make_solver("three_chamber", extends=True)[0]
     one, other = (solver.constrained(p, held, solver.rest()) for solver in (ball, long))
     np.testing.assert_allclose(other.tau[:3], one.tau, rtol=1e-6, atol=1e-9)
     assert other.tau[3] == pytest.approx(0.0, abs=1e-6)

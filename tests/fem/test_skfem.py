@@ -22,7 +22,7 @@ from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU, NU = 240e3, 0.49
 SIZE = np.array([4e-3, 2e-3, 3e-3])  # of the box
-WALL_Y = 1e-3  # the box stands this far from the mirror plane: the gap is its cavity
+WALL_Y = 1e-3  # the box is this far from the mirror plane: the gap is its cavity
 
 
 def material(mu: float = MU, nu: float = NU) -> NeoHookean:
@@ -39,7 +39,7 @@ def bellow() -> BellowBending:
 
 
 def box(distortion: float = 0.0) -> ModuleProblem:
-    """A block of 2 × 2 × 2 cells at y ∈ [1, 3] mm, z ∈ [0, 3] mm, inner nodes moved at random."""
+    """Return a block of 2 × 2 × 2 cells at y ∈ [1, 3] mm, z ∈ [0, 3] mm, inner nodes moved at random."""
     axes = [np.linspace(0, size, 5) for size in SIZE]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     moved = distortion * SIZE * np.random.default_rng(0).uniform(-1, 1, (3, 3, 3, 3))
@@ -68,14 +68,14 @@ def solver() -> SkfemSolver:
 
 @pytest.fixture(scope="module")
 def states(solver: SkfemSolver) -> dict[str, FemState]:
-    """rest, a free state at 6 kPa, one held 0.05 rad below it."""
+    """Return rest, a free state at 6 kPa, and one constrained 0.05 rad below it."""
     rest = solver.rest()
     free = solver.free(6e3, solver.free(2e3, rest))
     return {"rest": rest, "free": free, "held": solver.constrained(6e3, free.angle_rad - 0.05, free)}
 
 
 def uniform(assembler: Assembler, volume: float, pressure: float) -> np.ndarray:
-    """What a mixed element interpolates ϑ − 1 = volume and q/K = pressure from."""
+    """Return the unknowns from which a mixed element interpolates ϑ − 1 = volume and q/K = pressure."""
     data = assembler.cells.pressure
     if data is None:
         return np.zeros(0)
@@ -89,7 +89,7 @@ def uniform(assembler: Assembler, volume: float, pressure: float) -> np.ndarray:
 
 @pytest.mark.parametrize("dilatation", ["cell", "continuous", "point"])
 def test_patch(dilatation: str) -> None:
-    """A homogeneous deformation: W · volume in all, no force inside, on distorted cells."""
+    """For a homogeneous deformation the energy is W · volume with no force inside, on distorted cells."""
     law = material()
     assembler = Assembler(box(0.06), law, dilatation)  # type: ignore[arg-type]
     nodes = assembler.problem.mesh.nodes_m
@@ -122,14 +122,14 @@ def test_rigid_shift_is_free() -> None:
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.49])
-def test_pure_bending_of_a_bar_is_exact(nu: float) -> None:
+def test_pure_bending_in_a_bar_is_exact(nu: float) -> None:
     """dM/dθ at rest is −E I / L (St. Venant), whichever line the strain e is measured on."""
     state = backend().solver(box(), material(nu=nu)).rest()
     young, inertia = 2 * MU * (1 + nu), SIZE[1] * SIZE[2] ** 3 / 12
     assert state.dmoment_du == pytest.approx(-young * inertia / SIZE[0], rel=1e-9)
 
 
-def test_cavity_of_a_bent_box_in_closed_form() -> None:
+def test_bent_box_cavity_in_closed_form() -> None:
     """V = ∫ y₀ λ ds dz between the mirror plane and the wall y = y₀."""
     assembler = Assembler(box(), material())
     x = np.zeros(assembler.count)
@@ -140,7 +140,7 @@ def test_cavity_of_a_bent_box_in_closed_form() -> None:
     assert assembler.cavity(x).value == pytest.approx(exact, rel=1e-12)
 
 
-def test_cavity_of_the_bellow_at_rest(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+def test_bellow_cavity_at_rest(solver: SkfemSolver, states: dict[str, FemState]) -> None:
     assert solver.cavity_volume(states["rest"]) == pytest.approx(bellow().geometry.cavity_volume(), rel=5e-4)
 
 
@@ -187,7 +187,7 @@ def test_pardiso_and_superlu_agree(solver: SkfemSolver, states: dict[str, FemSta
 
 @pytest.mark.slow
 def test_plain_cells_lock_and_averaged_ones_do_not(states: dict[str, FemState]) -> None:
-    """Why dilatation is averaged: from ν = 0.49 to 0.4995 the plain cells stiffen several times more."""
+    """From ν = 0.49 to 0.4995 the plain cells stiffen several times more, hence the averaged dilatation."""
 
     def stiffness(dilatation: str, nu: float) -> float:
         solver = backend(dilatation=dilatation).solver(bellow().problem(), material(nu=nu))
@@ -226,7 +226,7 @@ def test_convolutions_that_meet_are_marked(solver: SkfemSolver, states: dict[str
     theta = state.angle_rad / 2
     placed = solver.deformed_nodes(state)[skin]
     hinge = solver.deformed_nodes(state)[solver.problem.mesh.node_sets["end"]].mean(axis=0)
-    # material stands beyond the end plane in space, or before the start plane
+    # material is beyond the end plane in space, or before the start plane
     beyond = (placed - hinge) @ np.array([np.cos(theta), 0.0, -np.sin(theta)])
     assert max(beyond.max(), -placed[:, 0].min()) > 1e-7
 
@@ -239,7 +239,7 @@ def test_an_impossible_state_is_an_error_that_names_it(
         match=r"no free equilibrium at 1e\+08 Pa from the state at 0 Pa and \w = 0 \w+: [^\[\]]*\.$",
     ):
         solver.free(1e8, states["rest"])
-    # and the solver is not spoilt by it
+    # and the solver is not corrupted by it
     assert solver.free(6e3, states["rest"]).angle_rad == pytest.approx(states["free"].angle_rad, rel=1e-8)
 
 

@@ -36,7 +36,7 @@ GLOBALS = (0.11, 0.14, -0.17, 0.03)  # Θ, e of the point where derivatives are 
 
 
 def distorted() -> ModuleProblem:
-    """The full box with a closed ring as cavity, its inner nodes moved at random, two ribbons."""
+    """Return the full box with a closed ring as cavity, its inner nodes moved at random, two ribbons."""
     problem = spatial_box_problem()
     nodes = problem.mesh.nodes_m.copy()
     inside = (nodes[:, 0] > 0) & (nodes[:, 0] < problem.span_m)
@@ -46,13 +46,13 @@ def distorted() -> ModuleProblem:
 
 
 def admissible(assembler: Assembler, size: float, seed: int = 4) -> Array:
-    """Displacements (and pressures) at random that obey the constraints, Θ and e nonzero."""
+    """Return random displacements (and pressures) that obey the constraints, Θ and e nonzero."""
     v = size * np.random.default_rng(seed).standard_normal(assembler.pattern.size)
     return np.concatenate([assembler.pattern.expand(v), np.array(GLOBALS)[list(assembler.globals.active)]])
 
 
 def product(assembler: Assembler, terms: Terms, d: Array) -> Array:
-    """Hessian · d over the unknowns and the globals; d obeys the constraints."""
+    """Return Hessian · d over the unknowns and the globals; d obeys the constraints."""
     pattern, G = assembler.pattern, assembler.globals.count
     upper = sparse.csr_matrix((terms.matrix, pattern.indices, pattern.indptr), shape=(pattern.size,) * 2)
     matrix, border = upper + sparse.triu(upper, 1).T, pattern.reduce(terms.border[:-G])
@@ -83,8 +83,8 @@ def test_gradient_and_hessian_against_differences(what: str, dilatation: str, ax
 
 @pytest.mark.parametrize("what", ["elastic_energy", "cavity", "strain_energy", "tendon"])
 @pytest.mark.parametrize("stretches", [True, False])
-def test_every_entry_of_the_globals_block(what: str, stretches: bool) -> None:
-    """Each of Θ–Θ, Θ–e, e–e by itself: a wrong sign in the volume's hides in a whole-matrix test."""
+def test_every_entry_in_the_globals_block(what: str, stretches: bool) -> None:
+    """Θ–Θ, Θ–e and e–e are tested separately: a test of the whole matrix hides a wrong sign in the volume's entries."""
     tendon = Tendon(1e-3, -2e-3)
     tied = {"end": (2,)}
     problem = replace(distorted(), stretches=stretches, tendon=tendon, tied=tied, links=())
@@ -124,7 +124,7 @@ def test_placed_sections_follow_the_rod_equations() -> None:
     assert np.allclose(placed(section, np.zeros(3), z0), section, atol=1e-18)
 
 
-def test_the_energy_is_that_of_the_motion_in_space() -> None:
+def test_the_energy_equals_the_motion_in_space() -> None:
     """W of F by differences of the placed positions, for a smooth displacement that the cells represent exactly."""
     problem = spatial_box_problem()
     assembler = Assembler(problem, MATERIAL, "point")
@@ -150,8 +150,8 @@ def test_the_energy_is_that_of_the_motion_in_space() -> None:
     assert terms.value == pytest.approx(float(energy @ assembler.cells.weight.ravel()), rel=1e-7)
 
 
-def test_cavity_of_a_bent_and_twisted_tube_in_closed_form() -> None:
-    """Pappus: A (1 + e) L (1 + k_y ρ_z − k_z ρ_y) with the cavity's centroid, wherever the section stands."""
+def test_bent_and_twisted_tube_cavity_in_closed_form() -> None:
+    """Pappus: A (1 + e) L (1 + k_y ρ_z − k_z ρ_y) with the cavity's centroid, for any offset of the section."""
     problem = spatial_box_problem()
     assembler = Assembler(problem, MATERIAL)
     v, shift = np.zeros((len(problem.mesh.nodes_m), 3)), np.array([0.7e-3, -0.4e-3])
@@ -258,7 +258,7 @@ def test_ribbon_stiffens_sideways_bending_by_its_second_moment(spatial: SkfemSol
 
 
 def test_tendon_is_drawn_by_what_the_holes_come_nearer() -> None:
-    """Whole module: both half lengths, seen in the deformed nodes of a rigid end."""
+    """For a whole module the travel is that of both half lengths, read from the deformed nodes of a rigid end."""
     base = tendon_box_problem()
     solver = backend().solver(base, MATERIAL)
     free = solver.free(0.2, solver.rest())
@@ -311,7 +311,7 @@ def test_constraints_join_fix_and_cancel() -> None:
 
 
 @pytest.mark.slow
-def test_antiperiodic_links_give_the_half_of_a_symmetric_cell() -> None:
+def test_antiperiodic_links_give_half_a_symmetric_cell() -> None:
     """A twist alone has the two-fold symmetry about z through mid-span: half the cell with signed links suffices.
 
     (x, y, z) → (−x, −y, z) maps v to (−v_x, −v_y, v_z): on the mid-plane x = l/2 and on x = 0 alike it joins the
@@ -362,7 +362,7 @@ def test_antiperiodic_links_give_the_half_of_a_symmetric_cell() -> None:
 
 
 @pytest.mark.parametrize("dilatation", ["cell", "continuous", "point"])
-def test_fields_of_a_uniform_stretch_in_closed_form(dilatation: str) -> None:
+def test_uniform_stretch_fields_in_closed_form(dilatation: str) -> None:
     """A bar in tension: σ = P₁₁ λ₁ / J, the lateral stretch from μ (λ₂² − 1) + λ ln J = 0."""
     solver = backend(dilatation=dilatation).solver(prismatic_box_problem(), MATERIAL)
     length = solver.problem.span_m
@@ -391,7 +391,7 @@ def test_fields_of_a_uniform_stretch_in_closed_form(dilatation: str) -> None:
 
 
 def test_fields_belong_to_the_state(spatial: SkfemSolver, mixed: FemState) -> None:
-    """∫W is the stored energy, the displacement that of the picture; a linear field is carried to the nodes exactly."""
+    """∫W is the stored energy, the displacement that of the picture; a linear field is mapped to the nodes exactly."""
     fields, assembler = spatial.fields(mixed), spatial.assembler
     _, energy, _ = assembler.at_points(mixed.solution)
     assert float(np.sum(energy * assembler.cells.weight)) == pytest.approx(mixed.energy_j, rel=1e-12)

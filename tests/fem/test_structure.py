@@ -33,8 +33,8 @@ def one() -> StructureSolver:
 
 
 @pytest.mark.slow
-def test_energy_is_the_work_of_pressure_and_force(one: StructureSolver) -> None:
-    """Along a straight way in (p, F) dE = p dV + F·du; Gauss–Legendre in the load needs V and u there."""
+def test_energy_is_the_work_by_pressure_and_force(one: StructureSolver) -> None:
+    """Along a straight path in (p, F) dE = p dV + F·du; Gauss–Legendre in the load needs V and u there."""
     pressure, force = 400.0, np.array([4e-3, 0.0, -6e-3])
     node, weight = np.polynomial.legendre.leggauss(2)
     rest = one.rest()
@@ -70,7 +70,7 @@ def test_what_does_not_converge_says_where_it_stopped(one: StructureSolver) -> N
 
 @pytest.mark.slow
 def test_inner_modules_bend_by_the_modules_law() -> None:
-    """Five modules under pressure: the middle one knows neither clamp nor cap."""
+    """The middle one of five modules under pressure is not affected by clamp and cap."""
     solver = body(5)
     state = solver.equilibrium(5e3, np.zeros(3), solver.rest())
     material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU))

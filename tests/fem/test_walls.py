@@ -1,4 +1,4 @@
-"""Walls that meet within the piece, by law: what a mirror plane says of them, exact derivatives, no way through."""
+"""Walls that meet within the piece, by law: agreement with a mirror plane, exact derivatives, no penetration."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ FACE_SWAPPED = np.arange(9).reshape(3, 3).T.ravel()
 
 
 def whole(half: ModuleProblem) -> ModuleProblem:
-    """The piece with its mirror image beyond the section x = span: what met there meets within."""
+    """Return the piece with its mirror image beyond the section x = span, so that contact is inside the piece."""
     mesh, span = half.mesh, half.span_m
-    mine = np.abs(mesh.nodes_m[:, 0] - span) < 1e-12  # nodes that both have
+    mine = np.abs(mesh.nodes_m[:, 0] - span) < 1e-12  # nodes that both share
     number = np.where(mine, np.arange(len(mine)), len(mine) + np.cumsum(~mine) - 1)
     image = (mesh.nodes_m * [-1, 1, 1] + [2 * span, 0, 0])[~mine]
     nodes = np.concatenate([mesh.nodes_m, image])
@@ -51,7 +51,7 @@ def whole(half: ModuleProblem) -> ModuleProblem:
 
 @pytest.mark.parametrize("pressed_m", [0.05e-3, 0.6e-3])
 def test_two_blocks_press_each_other_as_one_presses_the_plane_between(pressed_m: float) -> None:
-    """To rounding; the second goes so far in one step that the blocks would be inside each other."""
+    """The results agree to rounding; the second moves so far in one step that the blocks would be inside each other."""
     states = []
     for problem in (block(), whole(block())):
         here = solver(problem)
@@ -66,7 +66,7 @@ def test_two_blocks_press_each_other_as_one_presses_the_plane_between(pressed_m:
 
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
 def test_derivatives_are_exact_where_faces_do_not_match(cells: str) -> None:
-    """Gradient and Hessian of what crooked walls, shifted along each other, store, against differences."""
+    """Gradient and Hessian of the energy of crooked walls, shifted along each other, against differences."""
     problem = replace(whole(block()), axes=("y", "z"), main_axis="y", joint="spherical")
     if cells == "tetrahedra":
         problem = replace(problem, mesh=tetrahedral(problem.mesh))
@@ -103,7 +103,7 @@ def test_derivatives_are_exact_where_faces_do_not_match(cells: str) -> None:
 
 @pytest.mark.slow
 def test_folds_within_a_piece_are_those_that_meet_their_image() -> None:
-    """The thin bellow from crest to crest, half as far again as where folds meet, against half and a plane."""
+    """The thin bellow from crest to crest, compressed by half more than to contact, against half of it and a plane."""
     states = []
     for problem in (thin_bellow(), whole(thin_bellow())):
         here = solver(problem)
@@ -119,8 +119,8 @@ def test_folds_within_a_piece_are_those_that_meet_their_image() -> None:
         assert getattr(both, name) == pytest.approx(getattr(one, name), rel=1e-5), name
 
 
-def test_links_of_a_tendon_joint_stop_each_other() -> None:
-    """Both ways: edges stand at the mirror plane, the law goes on with exact slopes; before them nothing changes."""
+def test_tendon_joint_links_stop_each_other() -> None:
+    """Edges stop at the mirror plane both ways, with exact slopes of the law; before contact nothing changes."""
     problem = TendonJoint(TendonJointConfig.model_validate(TENDON_JOINT)).problem()
     here, open_ = (solver(problem, how, 71.9e6) for how in ("solve", "end"))
     wall = 1e-3  # the flexure's thickness

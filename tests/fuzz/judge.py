@@ -1,4 +1,4 @@
-"""One damaged input against one reader: within its time and memory it answers, or raises an error of its own."""
+"""Judge one damaged input and reader: within its time and memory it answers or raises one of Pliant's errors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from pathlib import Path
 from tests.fuzz.targets import OWN_ERRORS, Target
 
 LONGEST_S = 2.0  # of CPU
-MOST_BYTES = 500_000_000  # beyond what the process has already
+MOST_BYTES = 500_000_000  # above the memory in use
 LONGEST_MESSAGE = 20_000
 
 
 class TooSlow(BaseException):
-    """No `except Exception` of a reader catches it."""
+    """A timeout, not derived from Exception so that no `except Exception` of a reader catches it."""
 
 
 def _too_slow(*_: object) -> None:
@@ -42,7 +42,7 @@ def limited() -> Iterator[None]:
 
 
 def verdict(target: Target, data: bytes) -> str:
-    """What is wrong with how a reader takes this input, or an empty text."""
+    """Return what a reader does wrong with this input, or an empty text."""
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         before = signal.signal(signal.SIGVTALRM, _too_slow)
@@ -57,7 +57,7 @@ def verdict(target: Target, data: bytes) -> str:
             return f"more than {LONGEST_S} s in {_where(error)}"
         except MemoryError as error:
             return f"more than {MOST_BYTES / 1e6:.0f} MB in {_where(error)}"
-        except Exception as error:  # the find
+        except Exception as error:  # the defect
             return f"{type(error).__name__}: {str(error)[:200]} in {_where(error)}"
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
@@ -68,7 +68,7 @@ def verdict(target: Target, data: bytes) -> str:
 
 
 def _where(error: BaseException) -> str:
-    """The last place of Pliant's that the error came through."""
+    """Return the last place in Pliant's code that the error passed through."""
     frames = traceback.extract_tb(error.__traceback__)
     ours = [frame for frame in frames if "/pliant" in frame.filename]
     last = (ours or frames)[-1]

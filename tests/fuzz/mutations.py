@@ -1,4 +1,4 @@
-"""Seeded damage to texts and bytes: what editors, loggers, disks and enemies do to a file."""
+"""Seeded damage to texts and bytes, as made by editors, loggers, disks and attackers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORD = re.compile(r"[A-Za-z_]\w*")
 
 
 def mutated(rng: random.Random, seeds: Sequence[bytes]) -> bytes:
-    """One of the seeds with one to four kinds of damage."""
+    """Return one of the seeds with one to four kinds of damage."""
     data = rng.choice(seeds)
     for _ in range(rng.choice((1, 1, 2, 4))):
         data = rng.choice(DAMAGES)(rng, data, seeds)[: 1 << 21]

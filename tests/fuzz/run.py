@@ -1,4 +1,4 @@
-"""Damaged inputs in numbers: `python -m tests.fuzz.run --cases 50000`; what breaks a reader is kept in `finds`.
+"""Feed damaged inputs in numbers: `python -m tests.fuzz.run --cases 50000`; inputs that break a reader go to `finds`.
 
 Each case has its own seed, so that a find comes back with `--seed S --only NUMBER`.
 """
@@ -21,14 +21,14 @@ FINDS = Path(__file__).parent / "finds"
 
 
 def case(number: int, seed: int, all_targets: Sequence[Target]) -> tuple[Target, bytes]:
-    """The reader and the input of a case; the readers take turns."""
+    """Return the reader and the input of a case; the readers take turns."""
     rng = random.Random(f"{seed}/{number}")
     target = all_targets[number % len(all_targets)]
     return target, mutated(rng, target.seeds)
 
 
 def finds(numbers: Sequence[int], seed: int) -> Iterator[tuple[int, Target, bytes, str]]:
-    """Cases that broke their reader: number, reader, input, and what went wrong."""
+    """Yield the cases that broke their reader: number, reader, input, and the error."""
     every = targets()
     for number in numbers:
         target, data = case(number, seed, every)
@@ -37,7 +37,7 @@ def finds(numbers: Sequence[int], seed: int) -> Iterator[tuple[int, Target, byte
 
 
 def kept() -> list[Path]:
-    """Inputs that broke a reader once: `finds/READER-DIGEST.bin`."""
+    """Return inputs that once broke a reader: `finds/READER-DIGEST.bin`."""
     return sorted(FINDS.glob("*.bin"))
 
 

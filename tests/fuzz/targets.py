@@ -1,4 +1,4 @@
-"""What is fed with damaged input, in-process: each returns a value or raises one of its own errors, nothing else."""
+"""Readers to feed with damaged input, in-process: each returns a value or raises a Pliant error, nothing else."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ import numpy as np
 from pliant.config.loading import load_notes, load_study, with_override
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import PliantError
+from pliant.fem_tables.reading import read_table
 from pliant.measurements.files import read_measurements
+from pliant.pipeline.run_folder import read_folder
 from pliant.registry.component import Component
 from pliant.registry.discovery import Registry, discover
-from pliant.report.folder import read_folder
-from pliant.search.expressions import COMPARISONS, Symbol, parse
 from pliant.store.archive import import_archive
 from pliant.store.store import CorruptedError, digests, load_artifact, read_checked
-from pliant.tabular.fem_reading import read_table
+from pliant_search.expressions import COMPARISONS, Symbol, parse
 
 ROOT = Path(__file__).parents[2]
 OLD = ROOT / "tests/data/of_13594f6"
@@ -103,7 +103,7 @@ PARTS = ("manifest.json", "value.json", "arrays.npz")
 
 
 def _artifact(data: bytes, folder: Path) -> None:
-    """The first byte chooses the file that is damaged."""
+    """Read an artifact; the first byte selects the damaged file."""
     place = folder / ARTIFACT.name
     shutil.copytree(ARTIFACT, place)
     (place / PARTS[data[0] % 3 if data else 0]).write_bytes(data[1:])
@@ -111,14 +111,14 @@ def _artifact(data: bytes, folder: Path) -> None:
 
 
 def _resealed(data: bytes, folder: Path) -> None:
-    """A value that is damaged and has the right checksums, as its author can write them."""
+    """Read a damaged value with valid checksums, as its author can write them."""
     (folder / "value.json").write_bytes(data)
     shutil.copy(ARTIFACT / "arrays.npz", folder)
     read_checked(folder, digests(folder))
 
 
 def _run_folder(data: bytes, folder: Path) -> None:
-    """The first byte chooses whether run.json or study.json is damaged."""
+    """Read a run folder; the first byte selects whether run.json or study.json is damaged."""
     place = folder / "run"
     shutil.copytree(OLD / "run", place)
     (place / ("run.json", "study.json")[data[0] % 2 if data else 0]).write_bytes(data[1:])
@@ -126,16 +126,16 @@ def _run_folder(data: bytes, folder: Path) -> None:
 
 
 def _manifest(data: bytes, folder: Path) -> None:
-    """A plugin's components from a manifest whose values are anything that JSON can say."""
+    """Read a plugin's components from a manifest whose values are any JSON values."""
     try:
         entries = json.loads(data)
         made = [Component(**entry) for entry in entries]
-    except (ValueError, TypeError, RecursionError):  # what Python itself says to the plugin's author
+    except (ValueError, TypeError, RecursionError):  # Python's own message to the plugin's author
         return
     for component in made:
         if component.problem() is None:
             component.missing(lazy=True)
-            Registry((component,)).of(component.interface)
+            Registry((component,)).by_interface(component.interface)
 
 
 def _archive(data: bytes, folder: Path) -> None:
@@ -182,7 +182,7 @@ def _chosen(*parts: bytes) -> tuple[bytes, ...]:
 
 
 def targets() -> list[Target]:
-    """All readers with their seeds."""
+    """Return all readers with their seeds."""
     parts = [(ARTIFACT / name).read_bytes() for name in PARTS]
     run = [(OLD / "run" / name).read_bytes() for name in ("run.json", "study.json")]
     return [
@@ -201,7 +201,7 @@ def targets() -> list[Target]:
 
 
 def _sound_archive() -> bytes:
-    """A small archive, written by hand as `pliant store --export` writes it."""
+    """Return a small archive, written by hand as `pliant store --export` writes it."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as made:
         index = {"format": 1, "pliant": "0", "study": "finger", "file": "finger.yaml"}

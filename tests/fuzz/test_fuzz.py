@@ -1,4 +1,4 @@
-"""Damaged inputs of all kinds are answered within their time and memory; what broke a reader once does so no more."""
+"""Damaged inputs of all kinds are answered within their time and memory; inputs that once broke a reader are too."""
 
 import pytest
 from tests.fuzz import judge
@@ -29,7 +29,7 @@ def test_sound_inputs_are_read(name, tmp_path):
         place.mkdir()
         try:
             TARGETS[name].feed(seed, place)
-        except Exception as error:  # examples name files that lie beside them
+        except Exception as error:  # examples name files in the same folder
             assert name == "study" and "file" in str(error), (number, error)
 
 

@@ -1,4 +1,4 @@
-"""Extras: a library that is missing is a sentence whose command brings it, and the base works alone."""
+"""Extras: a missing library gives a sentence with the command that installs it, and the base works alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 SHIPPED = [c for c in discover().components if c.package.startswith("pliant ") and (c.requires or c.lazy)]
-# Extra → what the extra of that name, or the base, brought before MuJoCo, scikit-fem and trimesh left the base.
+# Extra → what the extra of that name, or the base, installed before MuJoCo, scikit-fem and trimesh left the base.
 BEFORE = {
     "fast": {"pypardiso", "scikit-fem"},
     "pybullet": {"pybullet"},
@@ -49,7 +49,7 @@ BEFORE = {
     }
     | {"scikit-fem", "mujoco", "trimesh"},
 }
-# Without dask: pint asks for it when it is imported, and a finder cannot answer "not there" but by an error.
+# Without dask: pint asks for it when it is imported, and a finder can report absence only by an error.
 HEAVY = (
     *("skfem", "pypardiso", "ngsolve", "meshio", "mujoco", "pybullet", "trimesh", "gymnasium"),
     *("sklearn", "cma", "optuna", "torch", "stable_baselines3", "tensorboard", "imageio_ffmpeg"),
@@ -99,7 +99,7 @@ angle: half_module
 
 
 class Hidden:
-    """A finder that says of some libraries that they are not installed."""
+    """A finder that reports some libraries as not installed."""
 
     modules: tuple[str, ...] = ()
 
@@ -112,7 +112,7 @@ class Hidden:
 def hide(monkeypatch):
     """Make libraries missing."""
     finder = Hidden()
-    sys.meta_path.insert(0, finder)  # in place: what is imported meanwhile may add finders of its own
+    sys.meta_path.insert(0, finder)  # in place: imports meanwhile may add finders
 
     def hidden(*modules):
         finder.modules = modules
@@ -124,7 +124,7 @@ def hide(monkeypatch):
 
 
 def brought(extra: str) -> set[str]:
-    """Distributions that an extra asks for, through extras that it names, whatever their conditions."""
+    """Return the distributions that an extra requires, through extras that it names, whatever their conditions."""
     found: set[str] = set()
     for text in EXTRAS[extra]:
         asked = Requirement(text)
@@ -144,7 +144,7 @@ def test_an_extra_brings_at_least_what_it_brought(extra):
     assert BEFORE[extra] <= brought(extra)
 
 
-def test_the_base_has_nothing_of_the_extras():
+def test_the_base_has_nothing_from_the_extras():
     ours = set().union(*(brought(extra) for extra in EXTRAS if extra not in ("dev", "docs", "peers")))
     assert base() & ours == set()
 
@@ -179,7 +179,7 @@ def test_what_a_component_misses_is_a_sentence_whose_command_brings_it(component
     [c for c in SHIPPED if c.requires and c.kind != "ngsolve"],
     ids=lambda c: f"{c.interface}-{c.kind}",
 )
-def test_checks_of_a_component_without_its_library_are_skipped(component, hide):
+def test_checks_on_a_component_without_its_library_are_skipped(component, hide):
     hide(*component.requires)
     outcomes = run_checks(component)
     assert [outcome.message for outcome in outcomes if outcome.status == "failed"] == []
@@ -188,7 +188,7 @@ def test_checks_of_a_component_without_its_library_are_skipped(component, hide):
 
 @pytest.fixture
 def call(tmp_path, monkeypatch, hide):
-    """The command in a folder of studies where no heavy library can be imported."""
+    """Call the command in a folder of studies where no heavy library can be imported."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PLIANT_STORE", raising=False)
     hide(*HEAVY)

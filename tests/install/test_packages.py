@@ -1,4 +1,4 @@
-"""The sdist is whole and the wheel holds what commands read; examples are those of the checkout."""
+"""The sdist is complete and the wheel contains what commands read; examples are those of the checkout."""
 
 import tarfile
 import tomllib
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory):
-    """Names in the sdist, without its folder, and in the wheel that is built of it."""
+    """Return the names in the sdist, without its folder, and in the wheel that is built of it."""
     sdist, wheel = built(tmp_path_factory.mktemp("dist"))
     with tarfile.open(sdist) as archive:
         sources = {name.partition("/")[2] for name in archive.getnames()}
@@ -38,7 +38,7 @@ def test_the_sdist_has_code_licence_and_readme_and_no_tests(packages):
     assert [name for name in sources if name.startswith(("tests/", "benchmarks/", "contrib/", "docs/"))] == []
 
 
-def test_the_wheel_has_every_file_of_the_packages_and_the_examples(packages):
+def test_the_wheel_has_every_file_in_the_packages_and_the_examples(packages):
     _, names = packages
     wanted = {
         path.relative_to(ROOT / folder).as_posix()

@@ -1,4 +1,4 @@
-"""Inverse statics: hidden actuations are found again, bounds and rates hold, what is out of reach is named."""
+"""Inverse statics: hidden actuations are recovered, bounds and rates are respected, unreachable targets are named."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.inverse.statics import InverseStatics
 from pliant.inverse.target import Target
 from pliant.records.chain import Actuator, ChainModel
@@ -62,7 +62,7 @@ def test_a_backbone_a_direction_and_a_push_are_reached() -> None:
     assert found.actuation["pressure_pa"] == pytest.approx(11e3, rel=1e-5)
 
 
-def test_out_of_reach_is_said_with_the_closest_that_there_is() -> None:
+def test_an_unreachable_pose_is_reported_with_the_closest_one() -> None:
     simulation = built(finger())
     inverse = InverseStatics(simulation, BOUNDS)
     pressures = np.linspace(0.0, 15e3, 251)
@@ -78,8 +78,8 @@ def test_out_of_reach_is_said_with_the_closest_that_there_is() -> None:
     assert beyond.at_limit == {"pressure_pa": "high"} and "pressure_pa at its high limit" in str(beyond)
 
 
-def test_of_all_pressures_that_reach_it_the_smallest_in_shares_of_their_ranges_is_given() -> None:
-    """Linear opposed chambers: the tip sees p₁ − p₂ alone, so that the rule has a closed form."""
+def test_from_all_pressures_that_reach_it_the_smallest_in_range_shares_is_given() -> None:
+    """For linear opposed chambers the tip depends on p₁ − p₂ alone, so that the rule has a closed form."""
     law = linear_law(domain=Domain(np.array([0.0, 2e4]), np.array([[-1.0, 1.0]])))
     simulation = built(sample_chain(law, modules=3).with_(actuators=OPPOSED))
     inverse = InverseStatics(simulation, OF_TWO, samples=64)
@@ -90,7 +90,7 @@ def test_of_all_pressures_that_reach_it_the_smallest_in_shares_of_their_ranges_i
         found = inverse.solve(Target(tip_m=tip))
         wanted = hidden["pressure_1_pa"] - hidden["pressure_2_pa"]
         assert found.reached
-        # Least p₁²/12² + p₂²/9² with p₁ − p₂ given and both positive: the other chamber stays empty.
+        # The minimum of p₁²/12² + p₂²/9² with p₁ − p₂ given and both positive: the other chamber stays empty.
         np.testing.assert_allclose(
             list(found.actuation.values()), [max(wanted, 0.0), max(-wanted, 0.0)], atol=2.0
         )
@@ -120,7 +120,7 @@ def test_the_reachable_set_is_data_within_the_bounds(tmp_path) -> None:
     np.testing.assert_allclose(read["tip_z_m"], found.tips_m[:, 2], atol=1e-8)
 
 
-def test_compiled_slopes_are_those_of_differences_of_another_engine() -> None:
+def test_compiled_slopes_equal_differences_in_another_engine() -> None:
     chain = finger(payload=0.005)
     values, force = {"pressure_pa": 9e3}, np.array([0.01, 0.02, 0.0])
     ours = built(chain).respond(Inputs(values, force))
@@ -130,8 +130,8 @@ def test_compiled_slopes_are_those_of_differences_of_another_engine() -> None:
         np.testing.assert_allclose(one, other, atol=1e-4 * np.abs(one).max())
 
 
-def test_opposed_actuators_of_one_input_add_up() -> None:
-    """One signal on both sides of a joint with a linear law does nothing."""
+def test_opposed_actuators_on_one_input_add_up() -> None:
+    """One signal on both sides of a joint with a linear law has no effect."""
     both = (Actuator("pressure_pa"), Actuator("pressure_pa", sign=-1.0))
     found = built(sample_chain(linear_law(), modules=3).with_(actuators=both)).respond(
         Inputs({"pressure_pa": 5e3})
@@ -171,7 +171,7 @@ task: {kind: reach, tip: [59.451 mm, 0 mm, -7.889 mm]}
 
 
 @pytest.mark.slow
-def test_the_worked_number_of_the_conventions_backwards(tmp_path) -> None:
+def test_the_worked_number_in_the_conventions_backwards(tmp_path) -> None:
     """contracts.md: eight modules at 15 kPa without gravity have their tip at (0.059451, 0, −0.007889) m."""
     (tmp_path / "finger.yaml").write_text(STUDY)
     opened = api.open_study(tmp_path / "finger.yaml", store=tmp_path / "store")
@@ -184,7 +184,7 @@ def test_the_worked_number_of_the_conventions_backwards(tmp_path) -> None:
 
 @pytest.mark.slow
 def test_six_pressures_come_to_the_smallest_that_a_general_optimiser_finds_too() -> None:
-    """SLSQP from the answer, with the same constraint, finds nothing smaller by 1 %; bounds and target hold."""
+    """SLSQP from the answer, with the same constraint, finds nothing smaller by 1 %; bounds and target are met."""
     simulation = built(two_segments().chain)
     inverse = InverseStatics(simulation, samples=256)
     low, high = inverse.bounds.T

@@ -6,6 +6,9 @@ from datetime import datetime, timedelta
 from functools import cache
 
 import numpy as np
+from tests.lab_files.captures import captures, testers
+from tests.lab_files.from_public import public
+from tests.lab_files.headers import names, preambles
 from tests.lab_files.lab_file import SAMPLES, LabFile, digits, part, rows, text
 from tests.lab_files.refused_files import doubted, refused
 from tests.lab_files.written import (
@@ -34,12 +37,15 @@ from tests.lab_files.written import (
 
 @cache
 def lab_files() -> list[LabFile]:
-    """All files, made once."""
-    return [*european(), *instruments(), *spreadsheets(), *clocks(), *several(), *doubted(), *refused()]
+    """Return all files, made once."""
+    return [
+        *(*european(), *instruments(), *spreadsheets(), *clocks(), *several(), *doubted(), *refused()),
+        *(*captures(), *testers(), *preambles(), *names(), *public()),
+    ]
 
 
 def european() -> list[LabFile]:
-    """Separators, decimals, encodings, words and units."""
+    """Return files with varied separators, decimals, encodings, words and units."""
     names = ["slow"] * SAMPLES
     german = rows(names, MS, MBAR, DEG, between=";", decimal=",")
     return [
@@ -179,7 +185,7 @@ def european() -> list[LabFile]:
 
 
 def instruments() -> list[LabFile]:
-    """Lines above the header, as instruments and cameras write them."""
+    """Return files with lines above the header, as instruments and cameras write them."""
     return [
         LabFile(
             "LabVIEW, .lvm with two headers",
@@ -281,7 +287,7 @@ def instruments() -> list[LabFile]:
 
 
 def spreadsheets() -> list[LabFile]:
-    """Excel, MATLAB, Parquet."""
+    """Return Excel, MATLAB and Parquet files."""
     table = list(zip(T.tolist(), KPA.tolist(), DEG.tolist(), strict=True))
     record = {"time_s": T, "pressure_kpa": KPA, "angle_deg": DEG}
     return [
@@ -358,7 +364,7 @@ def spreadsheets() -> list[LabFile]:
 
 
 def clocks() -> list[LabFile]:
-    """Dates, orders, clocks that begin again."""
+    """Return files with dates, orders and clocks that begin again."""
     shuffled = np.random.default_rng(3).permutation(SAMPLES)
     head = "time,pressure_kpa,angle_deg"
     return [
@@ -415,7 +421,7 @@ def clocks() -> list[LabFile]:
 
 
 def several() -> list[LabFile]:
-    """Several files that are one measurement."""
+    """Return measurements that consist of several files."""
     slow = text("time_s,pressure_kpa,angle_deg", *rows(T, KPA, DEG))
     fast_deg = np.round(np.degrees(FAST["angle_rad"]), 2)
     fast = text("time_s,pressure_kpa,angle_deg", *rows(T, FAST["pressure_pa"] / 1000, fast_deg))

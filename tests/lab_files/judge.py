@@ -1,4 +1,4 @@
-"""What becomes of a lab's file: read and right, refused with a sentence, or wrong without a word."""
+"""Judge the reading of a lab's file: read correctly, refused with a sentence, or read wrongly without a warning."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from pliant.records.measurement import Measurement
 
 @dataclass(frozen=True)
 class Reading:
-    """What the reader made of a file: its message where it refused, else a measurement.
+    """The result of reading a file: the message where it is refused, else a measurement.
 
-    `wrong` says which numbers are not those of the answer, in words; empty where all are.
+    `wrong` states in words which numbers differ from the answer; empty where all agree.
     """
 
     message: str = ""
@@ -33,7 +33,7 @@ class Reading:
 
 
 def read(lab: LabFile, folder: Path, stated: Mapping[str, Any] | None = None) -> Reading:
-    """Write the files and read them as they are, or with notes beside the last of them (beside each, of runs)."""
+    """Write the files and read them unchanged, or with notes for the last of them (for each, of runs)."""
     for name, content in lab.files.items():
         (folder / name).write_bytes(content)
         beside = (folder / name).with_suffix(".yaml")
@@ -47,8 +47,8 @@ def read(lab: LabFile, folder: Path, stated: Mapping[str, Any] | None = None) ->
     return Reading(measurement=found, wrong=difference(lab.answer, found))
 
 
-def columns_of(measurement: Measurement) -> dict[str, dict[str, Array]]:
-    """Run → column → values, SI."""
+def run_columns(measurement: Measurement) -> dict[str, dict[str, Array]]:
+    """Return run → column → values, SI."""
     found = {}
     for run in measurement.runs:
         own = {**run.history.actuation, **run.outputs}
@@ -61,8 +61,8 @@ def columns_of(measurement: Measurement) -> dict[str, dict[str, Array]]:
 
 
 def difference(answer: Mapping[str, Mapping[str, Array]], measurement: Measurement) -> str:
-    """The first thing that is not as in the answer, or an empty text."""
-    found = columns_of(measurement)
+    """Return the first difference from the answer, or an empty text."""
+    found = run_columns(measurement)
     if list(found) != list(answer):
         return f"runs {list(found)}, not {list(answer)}"
     for run, columns in answer.items():
@@ -76,8 +76,8 @@ def difference(answer: Mapping[str, Mapping[str, Array]], measurement: Measureme
     return ""
 
 
-def kind_of(lab: LabFile, reading: Reading) -> str:
-    """right, refused, doubted, or wrong: other numbers, and not a word on what may be meant instead.
+def judge_reading(lab: LabFile, reading: Reading) -> str:
+    """Return right, refused, doubted, or wrong: other numbers without a remark on what may be meant instead.
 
     Doubted: a remark has the words of the doubt, or the key that would settle it.
     """

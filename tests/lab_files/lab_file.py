@@ -1,4 +1,4 @@
-"""A file as a lab has it, and the answer that was written down before any reader saw it.
+"""A file as a lab writes it, and its answer, written down before any reader was tried.
 
 All files hold (parts of) one recording, `RECORDING`: two runs of a bending finger, sampled at 25 Hz.
 """
@@ -19,7 +19,7 @@ CLOSE = 1e-9  # of a column's largest magnitude: every number below is written w
 
 
 def _run(cycles: int, largest_pa: float, softer: float) -> dict[str, Array]:
-    """A run whose numbers have few digits in SI and in the units of the files: 10 Pa, 0.01 degrees, 0.01 mm."""
+    """Return a run whose numbers have few digits in SI and in the files' units: 10 Pa, 0.01 degrees, 0.01 mm."""
     step = np.arange(SAMPLES)
     pressure = 10.0 * np.round(largest_pa / 10.0 * np.sin(np.pi * cycles * step / (SAMPLES - 1)) ** 2)
     share = pressure / 15_000.0
@@ -46,12 +46,12 @@ class LabFile:
     """One way of writing the recording.
 
     Attributes:
-        name: what it is like.
+        name: the kind of file.
         files: bytes by file name, in the order in which they are given.
-        answer: run → column in SI → values that must come out; empty where the file is refused in any case.
-        stated: notes (the YAML beside the file) that the user writes after having been asked or warned.
-        refused: words that the one sentence must hold where the file, without `stated`, is refused.
-        doubts: words that a remark must hold where the file, without `stated`, is read but doubted.
+        answer: run → column in SI → expected values; empty where the file is refused in any case.
+        stated: notes (the YAML of the file) that the user writes after having been asked or warned.
+        refused: words in the one-sentence refusal of the file without `stated`.
+        doubts: words in a remark where the file, without `stated`, is read but doubted.
     """
 
     name: str
@@ -63,7 +63,7 @@ class LabFile:
 
 
 def part(*columns: str, runs: Sequence[str] = ("slow",), called: Sequence[str] = ()) -> dict[str, Columns]:
-    """These columns of these runs of the recording; `called`: names of the runs in the file."""
+    """Return these columns of these runs of the recording; `called`: names of the runs in the file."""
     return {
         new: {name: RECORDING[run][name] for name in columns}
         for run, new in zip(runs, called or runs, strict=True)
@@ -71,7 +71,7 @@ def part(*columns: str, runs: Sequence[str] = ("slow",), called: Sequence[str] =
 
 
 def digits(value: float, decimal: str = ".") -> str:
-    """A number with the digits that it has, 12 at most."""
+    """Return a number with its digits, 12 at most."""
     text = f"{value:.12f}".rstrip("0").rstrip(".")
     return ("0" if text in ("", "-0") else text).replace(".", decimal)
 
@@ -79,11 +79,11 @@ def digits(value: float, decimal: str = ".") -> str:
 def rows(
     *columns: Sequence[float] | Sequence[str] | Array, between: str = ",", decimal: str = "."
 ) -> list[str]:
-    """Lines of a table; numbers are written with the digits that they have."""
+    """Return the lines of a table; numbers are written with all their digits."""
     cells = [[c if isinstance(c, str) else digits(float(c), decimal) for c in column] for column in columns]
     return [between.join(row) for row in zip(*cells, strict=True)]
 
 
 def text(*lines: str, encoding: str = "utf-8", ends: str = "\n") -> bytes:
-    """Lines as the bytes of a file."""
+    """Return lines as the bytes of a file."""
     return (ends.join(lines) + ends).encode(encoding)

@@ -1,4 +1,4 @@
-"""Files that leave a doubt, and files that are refused."""
+"""Files that are read with a doubt, and files that are refused."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.lab_files.written import (
 
 
 def doubted() -> list[LabFile]:
-    """Read as they say, and doubted: right once the user has stated what is meant."""
+    """Return files that are read as written and doubted; correct once the user has stated the meaning."""
     frozen = DEG.copy()
     frozen[15:40] = frozen[15]
     return [
@@ -79,7 +79,7 @@ def doubted() -> list[LabFile]:
 
 
 def refused() -> list[LabFile]:
-    """One sentence that says what to do; some are read once something was stated."""
+    """Return files refused with one sentence that states the remedy; some can be read once something is stated."""
     thousands = [f"{int(p) // 1000}.{int(p) % 1000:03d},0" if p >= 1000 else f"{int(p)},0" for p in P]
     return [
         LabFile(

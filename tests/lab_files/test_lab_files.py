@@ -1,4 +1,4 @@
-"""Files as labs have them: read right, or asked about in a sentence; right once the user has answered."""
+"""Files as labs write them are read correctly, or after the user has answered a one-sentence question."""
 
 import re
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from tests.lab_files.files import lab_files
-from tests.lab_files.judge import kind_of, read
+from tests.lab_files.judge import judge_reading, read
 from tests.lab_files.lab_file import LabFile
 
 FILES = {lab.name: lab for lab in lab_files()}
@@ -24,7 +24,7 @@ def test_a_lab_file(tmp_path: Path, lab: LabFile):
         assert one_or_two_sentences(reading.message), reading.message
     else:
         assert not reading.message
-        assert kind_of(lab, reading) == ("doubted" if lab.stated else "right"), reading.wrong
+        assert judge_reading(lab, reading) == ("doubted" if lab.stated else "right"), reading.wrong
         assert all(word in reading.remarks for word in lab.doubts), reading.remarks
     if not lab.doubts and reading.measurement is not None:
         assert not reading.measurement.doubts, "a file that nobody doubts"
@@ -36,7 +36,7 @@ def test_a_lab_file(tmp_path: Path, lab: LabFile):
 
 
 def one_or_two_sentences(message: str) -> bool:
-    """Whether a message is short: what is wrong, what to do, and at most a block to paste or a line of the file."""
+    """Return whether a message is short: the mistake, the remedy, and at most a block to paste or a line of a file."""
     text, _, _ = message.partition("\nWrite into")
     text = re.sub(r"\S*/\S+?(?=[:,] )", "FILE", text)
     return len(text) < 500 and text.count("\n") <= 1

@@ -1,11 +1,11 @@
-"""Files that were thought of after the reader was written: none may be read wrong without a word."""
+"""Files devised after the reader was written: none may be read wrongly without a warning."""
 
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.lab_files.judge import difference, kind_of, read
+from tests.lab_files.judge import difference, judge_reading, read
 from tests.lab_files.lab_file import LabFile, digits, rows, text
 from tests.lab_files.written import DEG, KPA, MBAR, MS, P, T, matlab, named, spreadsheet, stamps
 
@@ -93,6 +93,10 @@ ASKED = {
         text("Zeit_s;Druck_kpa;winkel_grad", *german(T, KPA, DEG)),
         ("winkel_grad", "rename"),
     ),
+    "a header that stands again": (
+        text(ENGLISH, *rows(T, KPA, DEG), ENGLISH, *rows(T, KPA, DEG)),
+        ("line 63", "time_s", "not a number"),
+    ),
     "rows below the table": (text(ENGLISH, *rows(T, KPA, DEG), "Mean,7.5,20"), ("line 63", "Mean")),
 }
 
@@ -101,7 +105,7 @@ ASKED = {
 def test_it_is_read(tmp_path: Path, content: bytes):
     lab = LabFile("", {"a.csv": content}, named("a"))
     found = read(lab, tmp_path)
-    assert not found.message and kind_of(lab, found) == "right", found.wrong
+    assert not found.message and judge_reading(lab, found) == "right", found.wrong
     assert found.measurement is not None and not found.measurement.doubts
 
 

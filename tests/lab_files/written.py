@@ -1,4 +1,4 @@
-"""What the files are written with: one recording in the units and formats of labs."""
+"""Parts of the lab files: one recording in the units and formats of labs."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ ONE, BOTH = part(*TPA), part(*TPA, runs=("slow", "fast"))
 
 
 def named(stem: str) -> dict[str, dict[str, Array]]:
-    """The slow run, called as the file."""
+    """Return the slow run, named as the file."""
     return {stem: dict(ONE["slow"])}
 
 
 def both(column: str) -> Array:
-    """A column of both runs, one after the other."""
+    """Return a column of both runs, one after the other."""
     return np.concatenate([SLOW[column], FAST[column]])
 
 

@@ -43,7 +43,7 @@ def test_laws_reduce_to_neo_hookean(kind: str) -> None:
     np.testing.assert_allclose(got.tangent, wanted.tangent, atol=1e-11 * scale)
 
 
-def test_ogden_of_powers_2_and_minus_2_is_mooney_rivlin() -> None:
+def test_ogden_with_powers_2_and_minus_2_is_mooney_rivlin() -> None:
     mooney = law("mooney_rivlin", c10=90e3, c01=30e3).evaluate(F)
     ogden = law("ogden", mu=[180e3, 60e3], alpha=[2, -2]).evaluate(F)
     np.testing.assert_allclose(ogden.energy, mooney.energy, rtol=1e-9)
@@ -106,7 +106,7 @@ def test_homogeneous_tests_have_their_closed_forms(kind: str, mode: str) -> None
         nominal_stress(law(kind, poisson_ratio=poisson, **keys), STRETCH, mode) for poisson in (0.499, 0.4995)
     )
     assert not np.allclose(stiff, wanted, rtol=1e-4)
-    # what compressibility adds goes with 1/K, and K doubles from one to the other
+    # the contribution of compressibility scales with 1/K, and K doubles from one to the other
     np.testing.assert_allclose(2 * stiff - soft, wanted, rtol=5e-3)
 
 

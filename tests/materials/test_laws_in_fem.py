@@ -1,4 +1,4 @@
-"""Laws that mean the same solid give the same module, by their own code for stress and tangent."""
+"""Different laws of the same solid give the same module, each by its own code for stress and tangent."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def bent(kind: str, **keys: Any) -> FemState:
 
 
 @pytest.mark.slow
-def test_a_module_of_equal_solids_bends_alike() -> None:
+def test_a_module_with_equal_solids_bends_alike() -> None:
     mooney, pair = bent("mooney_rivlin", c10=90e3, c01=30e3), bent("ogden", mu=[180e3, 60e3], alpha=[2, -2])
     assert mooney.angle_rad > 0.05
     assert pair.angle_rad == pytest.approx(mooney.angle_rad, rel=1e-9)

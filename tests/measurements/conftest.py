@@ -1,4 +1,4 @@
-"""A function that reads a text as a measurement, with notes beside it."""
+"""A function that reads a text as a measurement, with notes."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Several tables as one measurement: lists, patterns, frames, other loggers, what a file's name says."""
+"""Several tables as one measurement: lists, patterns, frames, other loggers, conditions from a file's name."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 
 from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
-from pliant.measurements.files import natural, read_measurements, sources_of
+from pliant.measurements.files import expand_sources, natural, read_measurements
 
 ROWS = "time_s,pressure_pa,angle_rad\n0,0,0\n1,5e3,{}\n2,1e4,0.4\n"
 
@@ -41,7 +41,7 @@ def test_a_pattern_gives_runs_in_natural_order_and_a_list_its_own(folder):
     assert sorted(["b10", "b9", "a"], key=natural) == ["a", "b9", "b10"]
 
 
-def test_notes_of_the_call_hold_for_all_files_and_spans_for_the_run_that_they_name(folder):
+def test_notes_in_the_call_apply_to_all_files_and_spans_to_the_run_that_they_name(folder):
     notes = {
         "units": {"pressure_pa": "kPa"},
         "exclude": [{"run": "run_2", "end": "0.5 s"}],
@@ -60,7 +60,7 @@ def test_a_frame_is_read_as_a_file(folder):
     frame["specimen"] = ["a", None, "a"]
     found = read_measurements(frame)
     np.testing.assert_array_equal(found.runs[0].outputs["angle_rad"], [0, 0.1, 0.4])
-    assert found.runs[0].history.specimen == "a" and found.sha256 == "" and len(sources_of(frame)) == 1
+    assert found.runs[0].history.specimen == "a" and found.sha256 == "" and len(expand_sources(frame)) == 1
     stamped = frame.assign(time_s=pd.to_datetime("2026-08-02") + pd.to_timedelta(frame["time_s"], "s"))
     both = read_measurements(
         [stamped.rename(columns={"time_s": "time"}).set_index("time"), folder / "run_2.csv"]

@@ -1,4 +1,4 @@
-"""What kept five benches out: idle gauges, row counters, motor steps, travels, curvatures, and what is said per run."""
+"""Causes of the refusal of five benches: idle gauges, row counters, motor steps, travels, curvatures, data per run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
 from pliant.measurements.files import read_measurements
 from pliant.measurements.floors import noise_floors
@@ -15,8 +16,8 @@ from pliant.records.history import LetGo
 TRIALS = Path(__file__).parents[3] / "shared/trials"
 
 
-def steps_of_chamber_1(idle: bool) -> str:
-    """Return six steps of one chamber, beside two that stand still with 0.1 psi of noise at 1.5 psi."""
+def chamber_1_steps(idle: bool) -> str:
+    """Return six steps of one chamber, and two idle chambers with 0.1 psi of noise at 1.5 psi."""
     rng = np.random.default_rng(0)
     first = np.tile(np.repeat([1.5, 5.0], 70), 6) + 0.1 * rng.standard_normal(840)
     others = [1.5 + 0.1 * rng.standard_normal(840) for _ in range(2 * idle)]
@@ -27,18 +28,18 @@ def steps_of_chamber_1(idle: bool) -> str:
 
 
 @pytest.mark.parametrize("idle", [False, True])
-def test_the_noise_of_idle_gauges_makes_no_cycles(read, idle):
-    assert read(steps_of_chamber_1(idle)).runs[0].cycle.max() == 6
+def test_idle_gauge_noise_makes_no_cycles(read, idle):
+    assert read(chamber_1_steps(idle)).runs[0].cycle.max() == 6
 
 
 @pytest.mark.skipif(not TRIALS.exists(), reason=f"{TRIALS} is not on this machine")
-def test_the_trial_of_idle_gauges_has_six_cycles_with_one_chamber_and_with_three():
+def test_the_trial_with_idle_gauges_has_six_cycles_with_one_chamber_and_with_three():
     for name in ("one_chamber.csv", "three_chambers.csv"):
         assert read_measurements(TRIALS / "idle_gauges_make_cycles" / name).runs[0].cycle.max() == 6
 
 
 def test_an_input_that_moves_little_beside_a_high_base_pressure_makes_its_cycles(read):
-    """The chamber that is read at a base pressure counts from there, not from zero."""
+    """The excursions of a chamber with a base pressure count from there, not from zero."""
     rows = "".join(f"{k},{100 + 2 * (k % 10 > 4)},{1e-3 * k % 2},1\n" for k in range(40))
     assert read(f"time_s,pressure_1_kpa,pressure_2_kpa,angle_deg\n{rows}").runs[0].cycle.max() == 4
 
@@ -56,7 +57,7 @@ def test_a_row_counter_is_never_proposed_and_motor_steps_are_tendons(read):
         assert f'"{name}"' not in str(error.value)
 
 
-def test_steps_of_a_motor_with_a_stated_scale(read):
+def test_motor_steps_with_a_stated_scale(read):
     notes = "rename: {motor_1_steps: tendon_travel_1_m}\nunits: {motor_1_steps: 0.01 mm}\n"
     found = read("sample,motor_1_steps,tip_x_mm\n0,0,0\n1,30,0.2\n2,-10,0.1\n", notes)
     np.testing.assert_allclose(found.runs[0].input("tendon_travel_1_m"), [0.0, 3e-4, -1e-4])
@@ -101,7 +102,7 @@ def test_a_laser_reads_how_far_the_chain_has_grown(read):
 RUNS = "run,time_s,pressure_pa,angle_rad\nA,0,0,0.5\nA,1,1e4,0.9\nB,0,0,0.1\nB,1,1e4,0.5\n"
 
 
-def test_what_a_file_does_not_say_of_its_runs(read):
+def test_what_a_file_does_not_say_about_its_runs(read):
     notes = "runs:\n  A: {payload: 200 g, specimen: s7}\n  B: {payload_g: 50, moment: 2 mN*m}\n"
     first, second = read(RUNS, notes).runs
     np.testing.assert_allclose(first.history.payload_kg, 0.2)
@@ -115,7 +116,7 @@ def test_what_a_file_does_not_say_of_its_runs(read):
         read(RUNS, "runs: {A: {payload: 3 mm, payload_kg: 2}}\n")
 
 
-def test_inputs_of_a_file_without_any_come_from_the_notes_on_its_run(tmp_path):
+def test_inputs_for_a_file_without_any_come_from_the_notes_on_its_run(tmp_path):
     (tmp_path / "swing.csv").write_text("time_s,bend_deg\n0,17\n0.1,12\n")
     (tmp_path / "driven.csv").write_text("time_s,pressure_pa,bend_deg\n0,0,0\n1,9e3,12\n")
     notes = {"runs": {"swing": {"pressure_pa": 0}}, "rename": {"bend_deg": "angle_deg"}, "let_go": "swing"}
@@ -132,7 +133,7 @@ def test_inputs_of_a_file_without_any_come_from_the_notes_on_its_run(tmp_path):
 
 
 def test_each_cycle_may_be_a_run_so_that_steps_are_repeats(read):
-    found = read(steps_of_chamber_1(True), "cycles: new run\n")
+    found = read(chamber_1_steps(True), "cycles: new run\n")
     assert [run.name for run in found.runs] == [f"bench cycle {k}" for k in range(1, 7)]
     assert sum(map(len, found.runs)) == 840
     assert {run.history.specimen for run in found.runs} == {found.runs[0].history.specimen}
@@ -140,7 +141,7 @@ def test_each_cycle_may_be_a_run_so_that_steps_are_repeats(read):
 
 
 def test_steps_between_two_levels_above_the_first_value(read):
-    """Steps of 5 and 10 psi from a start at 1.5: the return to 5 is no return below a quarter of the range."""
+    """Steps of 5 and 10 psi from a start at 1.5: the return to 5 does not end a cycle below a quarter of the range."""
     levels = [1.5, *[5.0, 10.0] * 4, 5.0]
     rows = "".join(f"{k},{levels[k // 20]},{levels[k // 20]}\n" for k in range(20 * len(levels)))
     text = f"time_s,pressure_psi,angle_deg\n{rows}"
@@ -153,7 +154,7 @@ def test_steps_between_two_levels_above_the_first_value(read):
         read(text, "cycles: {of: pressure_pa, low: 9 psi, high: 6 psi}\n")
 
 
-def test_a_zero_of_each_run_is_no_noise_between_repeats(read):
+def test_a_zero_in_each_run_is_no_noise_between_repeats(read):
     text = "run,time_s,pressure_pa,angle_rad\n"
     rng = np.random.default_rng(1)
     for k, name in enumerate("ABC"):
@@ -174,7 +175,7 @@ def test_a_zero_of_each_run_is_no_noise_between_repeats(read):
         ("frame: {turn: 30 deg}", None, np.pi / 6),
     ],
 )
-def test_the_frame_of_a_camera(read, notes, quaternion, angle):
+def test_the_camera_frame(read, notes, quaternion, angle):
     frame = read("time_s,pressure_pa,tip_x_mm\n0,0,0\n1,9e3,1\n", notes + "\n").frames["*"]
     assert frame.quaternion == quaternion
     assert frame.angle_rad == (None if angle is None else pytest.approx(angle))
@@ -191,6 +192,13 @@ def test_a_file_that_is_left_out_as_a_whole_leaves_the_others(tmp_path):
         read_measurements(both, {"exclude": [{"run": "a"}, {"run": "b"}]})
 
 
+def test_an_output_is_called_as_in_the_file(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,pressure_kpa,tip angle [deg],tip_x_mm\n0,0,0,0\n1,5,10,3\n")
+    for name in ("tip angle", "tip angle [deg]", "angle_rad"):
+        settings = MeasurementsConfig(file="a.csv", rename={"tip angle": "angle_rad"}, outputs=(name,))
+        assert read_measurements(tmp_path / "a.csv", settings).outputs == ("angle_rad",)
+
+
 def test_a_sigma_is_called_as_in_the_file(read):
     found = read(
         "time_s,pressure_pa,tip angle [deg]\n0,0,0\n1,1,5\n",
@@ -199,7 +207,7 @@ def test_a_sigma_is_called_as_in_the_file(read):
     np.testing.assert_allclose(found.runs[0].sigma["angle_rad"], np.deg2rad(1.0))
 
 
-def test_notes_of_several_files_may_name_columns_that_only_some_have(tmp_path):
+def test_notes_on_several_files_may_name_columns_that_only_some_have(tmp_path):
     (tmp_path / "a.csv").write_text("time_s,pressure_pa,bend\n0,0,0\n1,9,4\n")
     (tmp_path / "b.csv").write_text("time_s,pressure_pa,grown_mm\n0,0,0\n1,9,4\n")
     notes = {"rename": {"bend": "angle_deg", "grown_mm": "extension_mm"}, "zero": {"bend": "1 deg"}}

@@ -13,17 +13,17 @@ from pliant.records.measurement import MeasuredRun, Measurement
 
 
 def coloured(rng, rho: float, n: int, sd: float = 1.0):
-    """AR(1) noise."""
+    """Return AR(1) noise."""
     return sd * np.sqrt(1 - rho**2) * lfilter([1], [1, -rho], rng.normal(size=n + 500))[500:]
 
 
 def a_run(
     rng, name: str, level_pa: float, reading, time_s, specimen: str = "", sigma=None, **loads
 ) -> MeasuredRun:
-    """A run whose pressure sensor is noisy; `reading` is added to what the pressure does."""
+    """Return a run whose pressure sensor is noisy; `reading` is added to the effect of the pressure."""
     pressure = level_pa * (1 - np.cos((time_s - time_s[0]) / 5)) / 2
     noisy = pressure + rng.normal(0, 50, time_s.size)
-    history = History.of({"pressure_pa": noisy}, time_s, run=name, specimen=specimen, **loads)
+    history = History.from_arrays({"pressure_pa": noisy}, time_s, run=name, specimen=specimen, **loads)
     stated = {} if sigma is None else {"angle_rad": np.full(time_s.size, sigma)}
     return MeasuredRun(
         history, {"angle_rad": 3e-5 * pressure + reading}, stated, np.ones(time_s.size), np.zeros(0)
@@ -90,7 +90,7 @@ def test_both_floors_are_recovered_under_white_slow_noise_and_offsets():
     between = np.array([floor.between for floor in found])
     assert np.sqrt(np.mean(within**2)) == pytest.approx(np.sqrt(5) * 1e-3, rel=0.03)
     assert np.sqrt(np.mean(between**2)) == pytest.approx(np.sqrt(14) * 1e-3, rel=0.06)
-    # the standard error says how far single sets scatter, though noise is coloured and repeats are few;
+    # the standard error is the scatter of single sets, though noise is coloured and repeats are few;
     # that scatter is known to 1 / √(2 · 39) of itself
     assert np.mean([floor.se for floor in found]) == pytest.approx(np.std(between), rel=3 / np.sqrt(2 * 39))
     assert {floor.source for floor in found} == {"repeats"} and found[0].value == found[0].between
@@ -101,7 +101,7 @@ def test_interpolation_between_uneven_clocks_takes_no_noise_away():
     assert np.mean([floor.within for floor in found]) == pytest.approx(2e-3, rel=0.04)
 
 
-def test_residuals_take_the_place_of_readings():
+def test_residuals_replace_readings():
     clean = bench(3, slow=0.0, offset=0.0)
     drift = [5e-3 * np.arange(300) / 300 * (i % 3) for i in range(12)]  # a history effect: repeats differ
     bent = Measurement(
@@ -161,7 +161,7 @@ def test_third_differences_see_white_noise_only(uneven):
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.8, 0.9])
-def test_effective_samples_of_coloured_noise(rho):
+def test_effective_samples_in_coloured_noise(rho):
     measured = bench(0, groups=5, repeats=4, n=400)
     ratios = []
     for seed in range(20):
@@ -173,7 +173,7 @@ def test_effective_samples_of_coloured_noise(rho):
 
 
 def test_effective_samples_count_time_not_readings():
-    """The same process, of time constant 1 s, read at uneven times with gaps."""
+    """A process of time constant 1 s is read at uneven times with gaps."""
     rng, ratios = np.random.default_rng(0), []
     for _ in range(20):
         fine = np.arange(40_000) * 0.1
@@ -194,7 +194,7 @@ def test_effective_samples_count_time_not_readings():
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.12)
 
 
-def test_an_offset_of_each_run_is_worth_one_reading_per_run():
+def test_an_offset_in_each_run_is_worth_one_reading_per_run():
     measured = bench(0)
     rng = np.random.default_rng(0)
     offsets = [{"angle_rad": np.full(300, rng.normal())} for _ in measured.runs]

@@ -1,4 +1,4 @@
-"""A measurement file is read in SI, with what was converted, ignored or left out said in words."""
+"""A measurement file is read in SI; conversions, ignored columns and omissions are reported in words."""
 
 from pathlib import Path
 
@@ -211,7 +211,7 @@ def test_an_idle_chamber_and_small_readings_are_no_wrong_unit(read):
     assert "Unit to check" not in said(found)
 
 
-def test_long_runs_are_thinned_by_powers_of_two_and_never_averaged(read):
+def test_long_runs_are_thinned_by_powers_to_base_two_and_never_averaged(read):
     def rows(name: str, n: int) -> str:
         return "".join(f"{name},{i},{100 * i},{i}e-4\n" for i in range(n))
 
@@ -234,7 +234,7 @@ def test_blocks_do_not_show(read, monkeypatch):
         for i in range(300)
     )
     whole = read(text)
-    monkeypatch.setattr("pliant.tabular.text.BLOCK", 64)
+    monkeypatch.setattr("pliant_tables.text.BLOCK", 64)
     pieces = read(text)
     assert whole.remarks == pieces.remarks
     for a, b in zip(whole.runs, pieces.runs, strict=True):
@@ -244,7 +244,7 @@ def test_blocks_do_not_show(read, monkeypatch):
     assert all(lines[n - 1].startswith(run.name) for run in pieces.runs for n in run.lines)
 
 
-def test_progress_of_a_large_file(read, monkeypatch):
+def test_progress_on_a_large_file(read, monkeypatch):
     class Watch:
         done = total = ended = 0
 

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a measurement file is told by line, in one message, and never as a traceback."""
+"""Every mistake in a measurement file is reported with its line, in one message and without a traceback."""
 
 import pytest
 from hypothesis import given
@@ -75,7 +75,7 @@ def test_a_run_per_row_is_no_run(complaint):
 
 
 def test_one_endless_line(complaint, monkeypatch):
-    monkeypatch.setattr("pliant.tabular.text.BLOCK", 1000)
+    monkeypatch.setattr("pliant_tables.text.BLOCK", 1000)
     assert "too long for a table row" in complaint(HEAD + "1" * 5000)
     assert "too long for a table row" in complaint("1" * 5000)
 
@@ -85,7 +85,7 @@ def test_one_endless_line(complaint, monkeypatch):
     [
         (
             "rename: {bent: angle_rad}\n",
-            "bench.yaml: 'rename' has 'bent', which is not a column of bench.csv",
+            "bench.yaml, line 1: 'rename' has 'bent', which is not a column of bench.csv",
         ),
         ("rename: {angle_rad: angel_rad}\n", "not a column of a measurement; did you mean 'angle_rad'?"),
         ("units: {presure_pa: kPa}\n", "did you mean 'pressure_pa'?"),
@@ -112,7 +112,7 @@ def test_what_the_chain_or_the_study_needs_is_not_there(complaint):
     message = complaint(GOOD, actuation=["pressure_1_pa"])
     assert "driven by 'pressure_1_pa'" in message and "it has pressure_pa" in message
     settings = MeasurementsConfig(file="bench.csv", outputs=("tip_x_m",))
-    assert "asks for output 'tip_x_m', which the file does not have" in complaint(GOOD, settings=settings)
+    assert "asks for output 'tip_x_m', which bench.csv does not have" in complaint(GOOD, settings=settings)
 
 
 def test_no_file_and_a_folder(tmp_path):

@@ -1,4 +1,4 @@
-"""A remark is its text and keeps its rank on the way through the readers."""
+"""A remark is its text and keeps its rank through the readers."""
 
 import json
 import pickle
@@ -37,7 +37,7 @@ def read(tmp_path):
 
 def test_ranks_follow_from_what_was_noticed_and_not_from_words(read):
     found = read()
-    ranks = {str(text): Remark.of(text).rank for text in found.remarks}
+    ranks = {str(text): Remark.from_text(text).rank for text in found.remarks}
     assert ranks["Column 'foto' is not known and ignored."] == Rank.DETAIL
     assert next(rank for text, rank in ranks.items() if "one run only" in text) == Rank.DATA
     two = together([found, replace(read("b.csv", "6.0,0,0,8"), sha256="other")])

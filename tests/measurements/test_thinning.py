@@ -1,13 +1,13 @@
-"""Long recordings by a part of their samples: inputs stay what they were, and so does what the model predicts."""
+"""Long recordings reduced to part of their samples: the inputs and the model's predictions are preserved."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import P, blank, effect, joint, measurement_of, predictor_of
+from tests.diagnosis.quick import P, blank, effect, joint, make_measurement, make_predictor
 
 from pliant.measurements import thinning
-from pliant.measurements.thinning import thinned
+from pliant.measurements.thinning import downsample
 from pliant.records.history import History
 
 CHAIN = joint()
@@ -20,34 +20,34 @@ def short_is_long(monkeypatch):
 
 
 def steps_and_ramps(samples: int = 4000) -> History:
-    """Ramps between levels, a sudden step, a slow wave of the load, a valve that closes for a while."""
+    """Return ramps between levels, a sudden step, a slow wave of the load, and a valve that closes for a while."""
     time = 0.01 * np.arange(samples)
     ramps = np.interp(time, [0, 6, 9, 12, 20, 20.01, 40], [0, P, P, 0.2 * P, 0.2 * P, 0.8 * P, 0.8 * P])
     closed = np.where((time > 7.0) & (time < 8.0), 0.0, 1.0)
     load = 2e-3 * np.sin(time / 3.0)
-    return History.of({"pressure_pa": ramps}, time, moment_n_m=load, valve_open=closed)
+    return History.from_arrays({"pressure_pa": ramps}, time, moment_n_m=load, valve_open=closed)
 
 
 def measured(history: History, read=None):
-    """The model's angles with damping; readings at some samples alone where they are given."""
+    """Return the model's angles with damping; readings at the given samples alone, if any."""
     angle = predicted(history, effect("viscous_damping", time_s=0.4))
     if read is not None:
         angle = np.where(read, angle, np.nan)
-    return measurement_of([history], [{"angle_rad": angle}])
+    return make_measurement([history], [{"angle_rad": angle}])
 
 
 def predicted(history: History, *effects) -> np.ndarray:
-    return predictor_of(CHAIN, blank([history])).predict(effects)[0]["angle_rad"]
+    return make_predictor(CHAIN, blank([history])).predict(effects)[0]["angle_rad"]
 
 
 def test_a_short_recording_stays_as_it_is():
     measurement = measured(steps_and_ramps(700))
-    assert thinned(measurement) == (measurement, ())
+    assert downsample(measurement) == (measurement, ())
 
 
 def test_inputs_are_the_same_straight_lines_and_switches_stand_where_they_stood():
     history = steps_and_ramps()
-    short, said = thinned(measured(history))
+    short, said = downsample(measured(history))
     (kept,) = [run.history for run in short.runs]
     assert len(kept) < 800 and "4000 samples" in said[0]
     assert kept.time_s[0] == history.time_s[0] and kept.time_s[-1] == history.time_s[-1]
@@ -62,10 +62,10 @@ def test_inputs_are_the_same_straight_lines_and_switches_stand_where_they_stood(
 @pytest.mark.parametrize(
     "hidden", [{}, {"viscous_damping": {"time_s": 0.4}}, {"supply_lag": {"time_s": 0.5}}]
 )
-def test_the_model_predicts_the_same_of_what_is_kept(hidden):
+def test_the_model_predicts_the_same_for_what_is_kept(hidden):
     history = steps_and_ramps()
     effects = [effect(kind, **values) for kind, values in hidden.items()]
-    short = thinned(measured(history))[0].runs[0].history
+    short = downsample(measured(history))[0].runs[0].history
     whole, part = predicted(history, *effects), predicted(short, *effects)
     there = np.searchsorted(history.time_s, short.time_s)
     assert np.sqrt(np.mean((part - whole[there]) ** 2)) < 2e-3 * np.ptp(whole)
@@ -74,7 +74,7 @@ def test_the_model_predicts_the_same_of_what_is_kept(hidden):
 def test_readings_are_thinned_not_lost_where_a_camera_is_slower_than_the_supply():
     history = steps_and_ramps()
     read = np.arange(len(history)) % 9 == 4
-    short, _ = thinned(measured(history, read))
+    short, _ = downsample(measured(history, read))
     kept = np.isfinite(short.runs[0].outputs["angle_rad"]).sum()
     assert kept >= read.sum() // 10 - 1
 
@@ -82,5 +82,5 @@ def test_readings_are_thinned_not_lost_where_a_camera_is_slower_than_the_supply(
 def test_a_recording_whose_inputs_turn_everywhere_stays_whole():
     time = 0.01 * np.arange(4000)
     noise = np.random.default_rng(0).normal(0.0, 0.2 * P, len(time))
-    measurement = measured(History.of({"pressure_pa": np.clip(0.5 * P + noise, 0.0, P)}, time))
-    assert thinned(measurement) == (measurement, ())
+    measurement = measured(History.from_arrays({"pressure_pa": np.clip(0.5 * P + noise, 0.0, P)}, time))
+    assert downsample(measurement) == (measurement, ())

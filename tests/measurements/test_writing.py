@@ -1,4 +1,4 @@
-"""What is written is read again, number for number."""
+"""Written measurements are read back number for number."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from pliant.measurements.writing import write_measurement
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
-SIZES = st.floats(1e-25, 1e12)  # what is below 1e-30 is read as zero
+SIZES = st.floats(1e-25, 1e12)  # values below 1e-30 are read as zero
 NUMBER = st.one_of(st.just(0.0), SIZES, SIZES.map(lambda size: -size))
 READING = st.one_of(NUMBER, st.just(np.nan))
 NAMES = st.text(st.characters(exclude_categories=("Cs", "Cc", "Zl", "Zp")), min_size=1, max_size=12).filter(
@@ -80,7 +80,7 @@ def numbers(run):
 
 def test_what_a_table_cannot_hold_is_told(tmp_path):
     def one(name, time_s):
-        history = History.of({"pressure_pa": [0.0, 1.0]}, time_s, run=name)
+        history = History.from_arrays({"pressure_pa": [0.0, 1.0]}, time_s, run=name)
         return MeasuredRun(history, {"angle_rad": np.zeros(2)}, {}, np.ones(2), np.zeros(0))
 
     with pytest.raises(UserError, match="line breaks"):

@@ -45,7 +45,7 @@ class CubicLaw(JointLaw):
 
 
 def random_chain(joint: JointKind, n_joints: int = 5, seed: int = 0) -> ChainModel:
-    """Joints turned and offset in all directions, bodies with their centre of mass anywhere."""
+    """Return joints turned and offset in all directions, and bodies with their centre of mass anywhere."""
     random = np.random.default_rng(seed)
 
     def rotation() -> Array:

@@ -1,4 +1,4 @@
-"""A joint that turns and extends: closed forms of springs in series and of a bent column, and what it reduces to."""
+"""A joint that turns and extends: closed forms of springs in series and of a bent column, and limiting cases."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ STIFFNESS = np.diag([0.03, 0.04, 0.04, 900.0])
 
 
 def column(modules: int, gain: np.ndarray = GAIN, **chain: object) -> ChainModel:
-    """Modules that bend, twist and extend, each on its own."""
+    """Return modules that bend, twist and extend, each independently."""
     law = LinearLaw(gain, STIFFNESS, Domain.unbounded(4), "extensible", EXTENSIBLE_AXES)
     return sample_chain(law, modules, **chain)
 
 
 def settled(chain: ChainModel, inputs: Inputs) -> np.ndarray:
     q = np.zeros((chain.n_joints, 4))
-    solution = minimise(ChainStatics(chain), Loads.of(chain, inputs), q, EXACT)
+    solution = minimise(ChainStatics(chain), Loads.from_inputs(chain, inputs), q, EXACT)
     assert solution.converged
     return solution.q
 
@@ -44,14 +44,14 @@ def test_springs_in_series_under_their_own_weight() -> None:
     wanted = (3e-5 * 1e4 + carried) / 900.0
     np.testing.assert_allclose(q[:, 3], wanted, rtol=1e-12)
     np.testing.assert_allclose(q[:, :3], 0.0, atol=1e-14)
-    tip = ChainGeometry.of(chain).markers(q)[-1]
+    tip = ChainGeometry.from_chain(chain).markers(q)[-1]
     np.testing.assert_allclose(tip, [0.0, 0.0, -chain.length_m - wanted.sum()], atol=1e-14)
 
 
-def test_a_bent_column_of_one_joint() -> None:
+def test_a_bent_column_with_one_joint() -> None:
     """A force F across, in the plane of bending, on a link of l/2 beyond a joint of stiffness k and c along it.
 
-    With the turn φ and the extension e:  k φ = F (l/2 + e) cos φ,  c e = F sin φ  (the link turns, then grows).
+    With the turn φ and the extension e:  k φ = F (l/2 + e) cos φ,  c e = F sin φ  (the link turns, then extends).
     """
     chain, force = column(1, gravity=(0, 0, 0)), 2.0
     q = settled(chain, Inputs({"pressure_pa": 0.0}, np.array([force, 0.0, 0.0])))
@@ -60,13 +60,13 @@ def test_a_bent_column_of_one_joint() -> None:
     half = float(np.linalg.norm(chain.tip_offset_m))
     assert 0.04 * turn == pytest.approx(force * (half + extension) * np.cos(turn), rel=1e-11)
     assert 900.0 * extension == pytest.approx(force * np.sin(turn), rel=1e-11)
-    tip = ChainGeometry.of(chain).markers(q)[-1]
+    tip = ChainGeometry.from_chain(chain).markers(q)[-1]
     reach = half + extension
     np.testing.assert_allclose(tip, [reach * np.sin(turn), 0.0, -half - reach * np.cos(turn)], atol=1e-14)
 
 
 def test_a_column_that_shortens_buckles_later_than_its_rest_length_says() -> None:
-    """Pushed along by P, the straight joint is unstable where P (l/2 + e) > k with e = −P/c < 0."""
+    """Under a compression P the straight joint is unstable where P (l/2 + e) > k with e = −P/c < 0."""
     chain = column(1, gravity=(0, 0, 0))
     statics, half = ChainStatics(chain), float(np.linalg.norm(chain.tip_offset_m))
     # P (l/2 − P/c) = k
@@ -79,7 +79,7 @@ def test_a_column_that_shortens_buckles_later_than_its_rest_length_says() -> Non
     for share, stable in ((0.999, True), (1.001, False)):
         along = share * push
         q = np.array([[0.0, 0.0, 0.0, -along / 900.0]])
-        loads = Loads.of(long, Inputs({"pressure_pa": 0.0}, np.array([0.0, 0.0, along])))
+        loads = Loads.from_inputs(long, Inputs({"pressure_pa": 0.0}, np.array([0.0, 0.0, along])))
         balance = statics.balance(q, loads)
         np.testing.assert_allclose(balance.residual, 0.0, atol=1e-12)
         assert (np.linalg.eigvalsh(balance.stiffness)[0] > 0.0) == stable
@@ -92,14 +92,16 @@ def test_without_extension_it_is_a_ball_joint() -> None:
     q = 0.5 * np.random.default_rng(2).normal(size=(4, 3))
     inputs = Inputs({"pressure_pa": 1e4}, np.array([0.1, 0.2, -0.1]), 2e-3)
     long = np.column_stack([q, np.zeros(4)])
-    stiff, soft = (ChainStatics(c).balance(u, Loads.of(c, inputs)) for c, u in ((ball, q), (chain, long)))
+    stiff, soft = (
+        ChainStatics(c).balance(u, Loads.from_inputs(c, inputs)) for c, u in ((ball, q), (chain, long))
+    )
     np.testing.assert_allclose(soft.residual[:, :3], stiff.residual, atol=1e-15)
     own = soft.stiffness.reshape(4, 4, 4, 4)[:, :3, :, :3].reshape(12, 12)
     np.testing.assert_allclose(own, stiff.stiffness, atol=1e-15)
 
 
 def test_histories_place_markers_and_bodies_as_the_pose_does(extensible_chain: ChainModel) -> None:
-    geometry = ChainGeometry.of(extensible_chain)
+    geometry = ChainGeometry.from_chain(extensible_chain)
     q = np.random.default_rng(4).normal(size=(3, geometry.n_joints, 4)) * [0.5, 0.5, 0.5, 0.01]
     bases = np.repeat(geometry.base_rotation[None], 3, axis=0)
     np.testing.assert_allclose(trajectory(geometry, q, bases), [geometry.markers(at) for at in q], atol=1e-14)
@@ -108,7 +110,7 @@ def test_histories_place_markers_and_bodies_as_the_pose_does(extensible_chain: C
 
 
 def test_a_turned_actuator_lengthens_as_one_that_is_not() -> None:
-    """Two opposed chambers bend against each other and lengthen together."""
+    """Two opposed chambers bend against each other and both lengthen the joint."""
     pair = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0, 0.4))
     chain = column(2).with_(actuators=pair)
     effort = JointEfforts(chain).evaluate(np.zeros((2, 4)), {"pressure_1_pa": 1e4, "pressure_2_pa": 1e4})
@@ -118,7 +120,7 @@ def test_a_turned_actuator_lengthens_as_one_that_is_not() -> None:
     np.testing.assert_allclose(effort.tau[:, 1:3], [bend - [[c, -s], [s, c]] @ bend] * 2, atol=1e-12)
 
 
-def test_axes_of_an_extensible_joint_come_in_one_order(extensible_chain: ChainModel) -> None:
+def test_extensible_joint_axes_come_in_one_order(extensible_chain: ChainModel) -> None:
     law = column(1).laws[0]
     other = replace(law, axes=("e", "x", "y", "z"))  # type: ignore[type-var]
     with pytest.raises(ContractError, match="x, y, z, e in this order"):

@@ -1,4 +1,4 @@
-"""Drawn laws are as far from the law as its error bar says, with exact slopes."""
+"""Drawn laws deviate from the law as its error bar states, with exact slopes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_draws_spread_as_the_band_says() -> None:
     assert np.abs(missed.mean(axis=0)).max() < 0.35e-4  # no side is preferred
 
 
-def test_slopes_of_a_draw_are_exact_and_symmetric_inside_and_outside() -> None:
+def test_draw_slopes_are_exact_and_symmetric_inside_and_outside() -> None:
     domain = Domain(BOX.actuation, np.tile(BOX.deformation, (3, 1)))
     law = barred_law(linear_spherical_law(), domain, 1e-3)
     drawn = draws(law, 1, seed=2)[0]

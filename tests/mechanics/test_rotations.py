@@ -14,12 +14,12 @@ from pliant.mechanics.rotations import (
     left_jacobian,
     left_jacobian_transpose_slope,
     log_map,
-    matrix_of_quaternion,
-    quaternion_of_matrix,
-    quaternion_of_vector,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_from_vector,
     right_jacobian,
     right_jacobian_inverse,
-    vector_of_quaternion,
+    vector_from_quaternion,
 )
 from pliant.records.design import Array
 
@@ -39,7 +39,7 @@ angles = st.one_of(
 
 
 def difference(function: Callable[[Array], Array], phi: Array, step: float = 1e-6) -> Array:
-    """Central differences of an array-valued function of φ; the last axis is φ's."""
+    """Return central differences of an array-valued function of φ; the last axis is φ's."""
     columns = [(function(phi + d) - function(phi - d)) / (2 * step) for d in step * np.eye(3)]
     return np.stack(columns, axis=-1)
 
@@ -57,12 +57,12 @@ def test_log_inverts_exp(phi: Array) -> None:
 
 @given(vectors)
 def test_exp_is_a_rotation_and_agrees_with_quaternions(phi: Array) -> None:
-    rotation, quaternion = exp_map(phi), quaternion_of_vector(phi)
+    rotation, quaternion = exp_map(phi), quaternion_from_vector(phi)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(rotation) > 0
-    np.testing.assert_allclose(matrix_of_quaternion(quaternion), rotation, atol=1e-14)
-    np.testing.assert_allclose(np.abs(quaternion_of_matrix(rotation) @ quaternion), 1.0, atol=1e-14)
-    turned = [vector_of_quaternion(sign * quaternion) for sign in (-1, 1)]
+    np.testing.assert_allclose(matrix_from_quaternion(quaternion), rotation, atol=1e-14)
+    np.testing.assert_allclose(np.abs(quaternion_from_matrix(rotation) @ quaternion), 1.0, atol=1e-14)
+    turned = [vector_from_quaternion(sign * quaternion) for sign in (-1, 1)]
     np.testing.assert_allclose(turned[0], turned[1], atol=1e-14)
 
 
@@ -77,7 +77,7 @@ def test_jacobians_are_the_angular_velocity_seen_from_parent_and_child(phi: Arra
 
 
 @given(vectors, directions)
-def test_slope_of_the_jacobian(phi: Array, moment: Array) -> None:
+def test_jacobian_slope(phi: Array, moment: Array) -> None:
     numeric = difference(lambda vector: left_jacobian(vector).T @ moment, phi)
     np.testing.assert_allclose(left_jacobian_transpose_slope(phi, moment), numeric, atol=1e-8)
 

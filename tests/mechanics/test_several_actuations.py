@@ -1,4 +1,4 @@
-"""Several actuations on one joint: laws that take them at once, elasticity that counts once, inputs of segments."""
+"""Several actuations on one joint: laws that take them at once, elasticity counted once, inputs of segments."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.shared_actuation import SharedActuation
 from pliant.mechanics.shared_elasticity import SharedElasticity
 from pliant.pipeline.chain import Segment, build_chain, rod_module
-from pliant.records.actuation import ActuationKind, expected, kind_of, names_of, register
+from pliant.records.actuation import ActuationKind, actuation_kind, expected, register, split_actuation_names
 from pliant.records.chain import Actuator
 from pliant.records.law import Domain
 from pliant.testing.samples import linear_law
-from pliant_plugins.surrogates.polynomial.several_fit import terms_of
+from pliant_plugins.surrogates.polynomial.several_fit import weighted_degree_exponents
 from pliant_plugins.surrogates.polynomial.several_law import SeveralLaw
 
 K = 0.04
@@ -23,10 +23,10 @@ PAIR = (ActuatorConfig(input="pressure_1_pa"), ActuatorConfig(input="pressure_2_
 
 
 def several_law(m: int = 2, axes: tuple[str, ...] = ("y",), seed: int = 0) -> SeveralLaw:
-    """A stable law: a random energy of degree 3 beside a strong quadratic one in u."""
+    """Return a stable law: a random energy of degree 3 plus a strong quadratic one in u."""
     k, random = len(axes), np.random.default_rng(seed)
     joint = "revolute" if k == 1 else "extensible" if "e" in axes else "spherical"
-    exponents = terms_of(3, 3, m, k)
+    exponents = weighted_degree_exponents(3, 3, m, k)
     coefficients = 1e-5 * random.standard_normal(len(exponents))
     stiff = (exponents[:, m:].sum(axis=1) == 2) & (exponents[:, m:].max(axis=1) == 2)
     coefficients[stiff & (exponents[:, :m].sum(axis=1) == 0)] = 2e-3
@@ -37,7 +37,7 @@ def several_law(m: int = 2, axes: tuple[str, ...] = ("y",), seed: int = 0) -> Se
     return SeveralLaw(exponents, coefficients, maps, Domain(box[:m], box[m:]), name, axes, joint)
 
 
-def chain_of(law, modules: int = 3, segments: int = 1, own=((),), **config):
+def make_chain(law, modules: int = 3, segments: int = 1, own=((),), **config):
     pieces = [Segment(rod_module(law, 0.02, 0.002), modules, actuators=own[s]) for s in range(segments)]
     return build_chain(ChainConfig(modules=modules, **config), pieces)
 
@@ -45,20 +45,20 @@ def chain_of(law, modules: int = 3, segments: int = 1, own=((),), **config):
 def test_a_second_chamber_brings_its_push_and_no_stiffness() -> None:
     """Σ_k T_k [τ(p_k, T_kᵀu) − (1 − 1/K) τ(0, T_kᵀu)] = g (p₁ − p₂) − k u of a linear law."""
     law = linear_law(2e-6, K)
-    chain = chain_of(law, actuators=PAIR)
+    chain = make_chain(law, actuators=PAIR)
     q = np.array([[0.1], [-0.05], [0.2]])
     found = JointEfforts(chain).evaluate(q, {"pressure_1_pa": 9e3, "pressure_2_pa": 4e3})
     np.testing.assert_allclose(found.tau, 2e-6 * 5e3 - K * q, rtol=1e-13)
     np.testing.assert_allclose(found.dtau_du, -K, rtol=1e-13)
     assert isinstance(chain.laws[0], SharedElasticity)
-    assert chain_of(law).laws[0] is law
+    assert make_chain(law).laws[0] is law
 
 
-def test_equal_chambers_on_every_side_keep_the_law_of_none() -> None:
+def test_equal_chambers_on_every_side_keep_the_law_without_any() -> None:
     law = several_law(1)
-    none = JointEfforts(chain_of(law)).evaluate(np.full((3, 1), 0.1), {"pressure_1_pa": 0.0})
+    none = JointEfforts(make_chain(law)).evaluate(np.full((3, 1), 0.1), {"pressure_1_pa": 0.0})
     four = [ActuatorConfig(input=f"pressure_{k}_pa") for k in range(1, 5)]
-    idle = JointEfforts(chain_of(law, actuators=four)).evaluate(
+    idle = JointEfforts(make_chain(law, actuators=four)).evaluate(
         np.full((3, 1), 0.1), {f"pressure_{k}_pa": 0.0 for k in range(1, 5)}
     )
     np.testing.assert_allclose(idle.tau, none.tau, rtol=1e-12)
@@ -66,7 +66,7 @@ def test_equal_chambers_on_every_side_keep_the_law_of_none() -> None:
 
 
 @pytest.mark.parametrize(("m", "axes"), [(2, ("y",)), (3, ("x", "y", "z"))])
-def test_slopes_and_travel_are_those_of_the_energy(m: int, axes: tuple[str, ...]) -> None:
+def test_slopes_and_travel_match_the_energy(m: int, axes: tuple[str, ...]) -> None:
     """Inside the box and outside: differences of Π, τ; ∂Π/∂a is minus the travel."""
     law, random = several_law(m, axes), np.random.default_rng(1)
     box = law.domain.box
@@ -92,7 +92,7 @@ def test_slopes_and_travel_are_those_of_the_energy(m: int, axes: tuple[str, ...]
 
 def test_a_record_makes_the_same_law() -> None:
     law = several_law(3, ("x", "y", "z"))
-    again = SeveralLaw.of_record(law.record())
+    again = SeveralLaw.from_record(law.record())
     a, u = np.full((4, 3), 3e3), np.linspace(-0.4, 0.4, 12).reshape(4, 3)
     np.testing.assert_array_equal(again.evaluate(a, u).tau, law.evaluate(a, u).tau)
     assert again.actuations == ("pressure_1_pa", "pressure_2_pa", "pressure_3_pa")
@@ -102,7 +102,7 @@ def test_each_segment_has_its_own_inputs() -> None:
     law = several_law(2)
     first = (Actuator("pressure_1_pa"), Actuator("pressure_2_pa"))
     second = (Actuator("pressure_3_pa"), Actuator("pressure_4_pa"))
-    chain = chain_of(law, 2, 2, (first, second))
+    chain = make_chain(law, 2, 2, (first, second))
     levels = {f"pressure_{k}_pa": 3e3 * k for k in range(1, 5)}
     q = np.full((4, 1), 0.05)
     found = JointEfforts(chain).evaluate(q, levels)
@@ -123,17 +123,17 @@ def test_each_segment_has_its_own_inputs() -> None:
 )
 def test_a_law_takes_as_many_inputs_as_it_has(inputs: tuple[str, ...], words: str) -> None:
     with pytest.raises(UserError, match=words):
-        chain_of(several_law(2), actuators=[ActuatorConfig(input=name) for name in inputs])
+        make_chain(several_law(2), actuators=[ActuatorConfig(input=name) for name in inputs])
 
 
-def test_the_registry_of_actuations_is_open() -> None:
+def test_the_actuation_registry_is_open() -> None:
     kind = ActuationKind("coil_current", "_a", "A", "flux_linkage_wb")
     with pytest.raises(UserError, match="no actuation"):
-        kind_of("coil_current_2_a")
+        actuation_kind("coil_current_2_a")
     try:
         register(kind)
-        assert kind_of("coil_current_2_a") == kind
-        assert kind.travel_of("coil_current_2_a") == "flux_linkage_2_wb"
+        assert actuation_kind("coil_current_2_a") == kind
+        assert kind.travel_name("coil_current_2_a") == "flux_linkage_2_wb"
         assert ActuatorConfig(input="coil_current_2_a").input == "coil_current_2_a"
         assert "coil_current_a" in expected()
         with pytest.raises(UserError, match="name it otherwise"):
@@ -142,11 +142,11 @@ def test_the_registry_of_actuations_is_open() -> None:
         from pliant.records import actuation
 
         actuation._KINDS.pop(kind.name, None)
-    assert names_of("pressure_1_pa, pressure_2_pa") == ("pressure_1_pa", "pressure_2_pa")
+    assert split_actuation_names("pressure_1_pa, pressure_2_pa") == ("pressure_1_pa", "pressure_2_pa")
 
 
-def test_a_share_of_all_actuations_has_a_compiled_form() -> None:
-    """Behind a regulator of its own a segment gets s a; slopes are by the chain's a, in and beside the box."""
+def test_a_share_in_all_actuations_has_a_compiled_form() -> None:
+    """With a separate regulator a segment gets s a; slopes are by the chain's a, inside and outside the box."""
     law = SharedActuation(several_law(2, ("x", "y", "z")), 0.7)
     scalar = law.scalar()
     assert scalar is not None

@@ -15,7 +15,7 @@ from pliant.mechanics.shared_actuation import SharedActuation
 from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.pipeline.simulate import drawn_chains
 from pliant.records.law import JointLaw
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import sample_table, softening_law
 from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.table.surrogate import TableSurrogate
@@ -24,9 +24,9 @@ SHARES = (0.6, 1.7)
 
 
 def shipped() -> dict[str, JointLaw]:
-    """A law of each scalar form, with and without limits."""
+    """Return a law of each scalar form, with and without limits."""
     polynomials = {"wavy": WAVY, **{name: STATED[name] for name in ("unbounded", "plain square")}}
-    table = TableSurrogate(TableConfig(kind="table")).fit(table_of(softening_law())).law
+    table = TableSurrogate(TableConfig(kind="table")).fit(sample_table(softening_law())).law
     return {
         **polynomials,
         "axes": AxesLaw((WAVY, STATED["unbounded"], replace(WAVY, odd=0.0))),
@@ -40,7 +40,7 @@ NAMES = ("wavy", "unbounded", "plain square", "axes", "energy", "neural", "table
 
 
 def states(law: JointLaw) -> tuple[np.ndarray, np.ndarray]:
-    """Inside the box of a shared law and around it."""
+    """Return states inside the box of a shared law and around it."""
     random = np.random.default_rng(3)
     return random.uniform(-5e3, 30e3, 80), random.uniform(-0.6, 0.9, (80, len(law.axes)))
 
@@ -61,7 +61,7 @@ def test_the_scalar_form_is_the_law_at_the_share(name: str, share: float) -> Non
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_slopes_are_those_of_the_effort_and_the_effort_that_of_the_energy(name: str) -> None:
+def test_slopes_match_the_effort_and_the_effort_the_energy(name: str) -> None:
     law = SharedActuation(shipped()[name], 0.6)
     p = np.linspace(1e3, 20e3, 15)
     u = np.random.default_rng(4).uniform(-0.15, 0.35, (15, len(law.axes)))
@@ -85,7 +85,7 @@ def test_domain_and_error_are_told_in_the_chains_actuation() -> None:
     np.testing.assert_allclose(law.error.half_width(p, u), wanted)
 
 
-def test_draws_are_those_of_the_law_inside() -> None:
+def test_draws_equal_the_law_inside() -> None:
     inside = with_bar(WAVY)
     p, u = np.array([4e3, 20e3]), np.array([[0.1], [0.5]])
     for found, wanted in zip(draws(SharedActuation(inside, 0.5), 3, 7), draws(inside, 3, 7), strict=True):
@@ -93,7 +93,7 @@ def test_draws_are_those_of_the_law_inside() -> None:
         assert found.scalar() is not None
 
 
-def test_segments_of_one_law_share_its_drawn_error() -> None:
+def test_segments_with_one_law_share_its_drawn_error() -> None:
     module = rod_module(with_bar(WAVY), 0.01, 0.002)
     config = ChainConfig.model_validate(
         {"segments": [{"modules": 1}, {"modules": 1, "actuation_share": 0.5}]}

@@ -36,18 +36,18 @@ def state(chain: ChainModel, seed: int = 1) -> tuple[ChainStatics, Array, Loads]
     inputs = Inputs(
         {a.input: 1e4 for a in chain.actuators}, 0.1 * random.normal(size=3), moment, forces, cords
     )
-    return ChainStatics(chain), q, Loads.of(chain, inputs)
+    return ChainStatics(chain), q, Loads.from_inputs(chain, inputs)
 
 
 def slope(function: Callable[[Array], Array | float], q: Array, step: float = 1e-6) -> Array:
-    """(…, n·a) central differences by each coordinate."""
+    """Return (…, n·a) central differences by each coordinate."""
     nudges = [step * unit.reshape(q.shape) for unit in np.eye(q.size)]
     return np.stack(
         [np.ravel(np.subtract(function(q + d), function(q - d))) / (2 * step) for d in nudges], -1
     )
 
 
-def test_residual_and_stiffness_are_slopes_of_the_potential_and_the_residual(chain: ChainModel) -> None:
+def test_residual_and_stiffness_are_slopes_from_the_potential_and_the_residual(chain: ChainModel) -> None:
     statics, q, loads = state(chain)
     balance, residual = statics.balance(q, loads), statics.residual(q, loads)
     by_q = slope(lambda at: statics.potential(at, loads), q)
@@ -59,7 +59,7 @@ def test_residual_and_stiffness_are_slopes_of_the_potential_and_the_residual(cha
 
 
 def test_closed_path_does_no_work(spherical_chain: ChainModel) -> None:
-    """∮ r·dq = 0 around a random polygon: neither the laws nor the loads can pump energy."""
+    """∮ r·dq = 0 around a random polygon: neither the laws nor the loads add energy."""
     statics, _, loads = state(spherical_chain)
     random = np.random.default_rng(3)
     corners = 0.7 * random.normal(size=(4, spherical_chain.n_joints, 3))
@@ -93,7 +93,7 @@ def test_rotating_base_gravity_and_force_together_rotates_everything(chain: Chai
     np.testing.assert_allclose(other.geometry.markers(q), statics.geometry.markers(q) @ turn.T, atol=1e-15)
 
 
-def test_order_of_axes_is_only_a_name(spherical_chain: ChainModel) -> None:
+def test_axis_order_is_only_a_name(spherical_chain: ChainModel) -> None:
     """A law that lists its axes as z, x, y gives the same residual, permuted."""
     statics, q, loads = state(spherical_chain)
     order = [2, 0, 1]
@@ -117,7 +117,7 @@ def test_opposed_actuators_cancel_at_rest(chain: ChainModel) -> None:
     opposed = chain.with_(actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0)))
     efforts = ChainStatics(opposed).efforts
     rest, way = np.zeros((chain.n_joints, len(chain.axes))), np.ones(len(chain.axes))
-    way[ChainStatics(chain).geometry.slide or len(way) :] = -1.0  # what lengthens does so from both sides
+    way[ChainStatics(chain).geometry.slide or len(way) :] = -1.0  # an extension is the same from both sides
     both = efforts.evaluate(rest, {"pressure_1_pa": 1e4, "pressure_2_pa": 1e4})
     np.testing.assert_allclose(both.tau[:, way > 0], 0.0, atol=1e-18)
     np.testing.assert_array_equal(both.dtau_dp["pressure_1_pa"], -way * both.dtau_dp["pressure_2_pa"])
@@ -175,7 +175,7 @@ def test_leaving_the_domain_is_reported_in_joint_coordinates(chain: ChainModel) 
 
 
 def test_opposed_actuators_outside_their_boxes_are_told_once(chain: ChainModel) -> None:
-    """At +0.5 the first chamber is 0.1 above its box and the second, which sees −0.5, is 0.3 below."""
+    """At +0.5 the first chamber is 0.1 above its box and the second, with −0.5, is 0.3 below."""
     q = np.zeros((chain.n_joints, len(chain.axes)))
     q[1, 0], q[2, 0] = 0.5, -0.5
     efforts = JointEfforts(opposed_in_a_box(chain, 1e4, -0.2, 0.4))
@@ -184,7 +184,7 @@ def test_opposed_actuators_outside_their_boxes_are_told_once(chain: ChainModel) 
     assert [entry.excess for entry in found] == pytest.approx([0.3, -0.3])
 
 
-def test_unstable_mode_of_an_upright_pendulum() -> None:
+def test_unstable_mode_in_an_upright_pendulum() -> None:
     assert unstable_mode(np.diag([1.0, 2.0])) is None
     assert unstable_mode(np.diag([0.0, 2.0])) is None
     mode = unstable_mode(np.diag([-1.0, 2.0]))
@@ -200,7 +200,7 @@ def test_inputs_that_the_chain_cannot_use(spherical_chain: ChainModel, chain: Ch
         ChainStatics(chain.with_(bodies=chain.bodies[1:]))
     if chain.laws[0].joint == "prismatic":
         with pytest.raises(UserError, match="no end moment"):
-            Loads.of(chain, Inputs(IDLE, moment_n_m=1.0))
+            Loads.from_inputs(chain, Inputs(IDLE, moment_n_m=1.0))
 
 
 @pytest.mark.parametrize(
@@ -215,10 +215,10 @@ def test_inputs_that_the_chain_cannot_use(spherical_chain: ChainModel, chain: Ch
 )
 def test_inputs_are_finite_and_act_on_bodies(spherical_chain: ChainModel, inputs: Inputs, says: str) -> None:
     with pytest.raises(UserError, match=says):
-        Loads.of(spherical_chain, inputs)
+        Loads.from_inputs(spherical_chain, inputs)
 
 
-def test_laws_of_a_chain_must_agree(chain: ChainModel) -> None:
+def test_laws_in_a_chain_must_agree(chain: ChainModel) -> None:
     first = chain.laws[0]
     kind: JointKind = "prismatic" if first.joint != "prismatic" else "revolute"
     with pytest.raises(ContractError, match="share the joint kind"):
@@ -236,8 +236,8 @@ def test_a_force_at_the_tip_is_the_tip_force(chain: ChainModel) -> None:
     statics, q, _ = state(chain)
     force = np.array([0.1, -0.2, 0.3])
     at_tip = PointForce(chain.n_joints, chain.tip_offset_m, force)
-    one = statics.residual(q, Loads.of(chain, Inputs(IDLE, force)))
-    other = statics.residual(q, Loads.of(chain, Inputs(IDLE, forces=(at_tip,))))
+    one = statics.residual(q, Loads.from_inputs(chain, Inputs(IDLE, force)))
+    other = statics.residual(q, Loads.from_inputs(chain, Inputs(IDLE, forces=(at_tip,))))
     np.testing.assert_allclose(other, one, atol=1e-15)
 
 
@@ -245,13 +245,13 @@ def test_a_far_pulley_pulls_like_a_dead_force(spherical_chain: ChainModel) -> No
     statics, q, _ = state(spherical_chain)
     away = np.array([0.0, 0.6, 0.8])
     cord, dead = Cord(3, ZERO, 1e6 * away, 0.5), PointForce(3, ZERO, 0.5 * away)
-    pulled = statics.balance(q, Loads.of(spherical_chain, Inputs(IDLE, cords=(cord,))))
-    pushed = statics.balance(q, Loads.of(spherical_chain, Inputs(IDLE, forces=(dead,))))
+    pulled = statics.balance(q, Loads.from_inputs(spherical_chain, Inputs(IDLE, cords=(cord,))))
+    pushed = statics.balance(q, Loads.from_inputs(spherical_chain, Inputs(IDLE, forces=(dead,))))
     np.testing.assert_allclose(pulled.residual, pushed.residual, atol=1e-8)
     np.testing.assert_allclose(pulled.stiffness, pushed.stiffness, atol=1e-8)
 
 
-def test_point_jacobian_is_the_slope_of_the_point(chain: ChainModel) -> None:
+def test_point_jacobian_is_the_point_slope(chain: ChainModel) -> None:
     statics, q, _ = state(chain)
 
     def point(at: Array) -> Array:
@@ -264,8 +264,8 @@ def test_point_jacobian_is_the_slope_of_the_point(chain: ChainModel) -> None:
 
 def test_loads_that_stay_are_not_faded_by_a_continuation(spherical_chain: ChainModel) -> None:
     stays, comes = PointForce(1, ZERO, np.ones(3)), PointForce(2, ZERO, np.ones(3))
-    before = Loads.of(spherical_chain, Inputs(IDLE, forces=(stays,)))
-    after = Loads.of(spherical_chain, Inputs(IDLE, forces=(stays, comes)))
+    before = Loads.from_inputs(spherical_chain, Inputs(IDLE, forces=(stays,)))
+    after = Loads.from_inputs(spherical_chain, Inputs(IDLE, forces=(stays, comes)))
     between = before.between(after, 0.25)
     assert [f.body for f in between.forces] == [1, 2]
     np.testing.assert_allclose([f.force_n[0] for f in between.forces], [1.0, 0.25])

@@ -43,7 +43,7 @@ def effort(chain: ChainModel, q: np.ndarray, p: float, memory: TermMemory | None
     return JointEfforts(chain).evaluate(q, {"pressure_pa": p}, memory).tau
 
 
-def test_the_effort_with_terms_is_the_formula_of_the_record() -> None:
+def test_the_effort_with_terms_is_the_formula_in_the_record() -> None:
     """τ' = Π f_e E(u − Σ rest) + Π f_a A(p, u) + Σ M."""
     terms = [
         LawTerm("moment", constant, (0.002,)),
@@ -62,7 +62,7 @@ def test_the_effort_with_terms_is_the_formula_of_the_record() -> None:
 
 
 @pytest.mark.parametrize("role", ["moment", "elastic", "actuation", "rest"])
-def test_slopes_are_those_of_the_effort(role: str) -> None:
+def test_slopes_match_the_effort(role: str) -> None:
     chain = chain_with(LawTerm(role, bent, (0.4,)))
     q, h = np.array([[0.25], [0.1]]), 1e-5
     slope = JointEfforts(chain).evaluate(q, {"pressure_pa": 9e3}).dtau_du[:, 0, 0]
@@ -98,16 +98,16 @@ def test_no_terms_are_the_plain_law() -> None:
 
 
 @pytest.mark.parametrize("law", [softening_law(), linear_spherical_law(), linear_prismatic_law()])
-def test_a_trajectory_is_the_markers_of_each_sample(law) -> None:
+def test_a_trajectory_is_the_markers_in_each_sample(law) -> None:
     chain = sample_chain(law, modules=3, turns_rad=(0.0, 0.8))
-    geometry = ChainGeometry.of(chain)
+    geometry = ChainGeometry.from_chain(chain)
     rng = np.random.default_rng(1)
     scale = 0.002 if law.joint == "prismatic" else 0.4
     q = scale * rng.normal(size=(5, 6, len(law.axes)))
     turns = base_rotations(chain.base_rotation, rng.normal(size=(5, 3)))
     markers = trajectory(geometry, q, turns)
     for k in range(5):
-        there = ChainGeometry.of(chain.with_(base_rotation=turns[k])).markers(q[k])
+        there = ChainGeometry.from_chain(chain.with_(base_rotation=turns[k])).markers(q[k])
         np.testing.assert_allclose(markers[k], there, atol=1e-14)
 
 

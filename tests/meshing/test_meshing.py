@@ -36,7 +36,7 @@ LOCAL = (
 
 
 def brick(sides: Array = SIDES, elements: int = 2, at: tuple[float, float, float] = (0, 0, 0)) -> Array:
-    """Positions of a box with one corner at a point."""
+    """Return positions of a box with one corner at a point."""
     return block(*(grid_lines((0.0, side), elements) for side in sides)) + np.array(at)
 
 
@@ -51,14 +51,14 @@ def module_mesh(positions: Array) -> ModuleMesh:
 
 
 def bulged(positions: Array) -> Array:
-    """z (1 + x²/a²) with a the length: quadratic in x, so that quadratic cells hold it exactly."""
+    """Return z (1 + x²/a²) with a the length: quadratic in x, so that quadratic cells represent it exactly."""
     out = positions.copy()
     out[..., 2] *= 1 + (positions[..., 0] / SIDES[0]) ** 2
     return out
 
 
 def half_cylinder(radius: float, length: float, elements: int) -> Array:
-    """y ≥ 0 of a solid cylinder about x: a square grid carried onto the disc (s √(1 − q²/2), q √(1 − s²/2))."""
+    """Return y ≥ 0 of a solid cylinder about x: a square grid mapped to the disc (s √(1 − q²/2), q √(1 − s²/2))."""
     x, q, s = (
         grid_lines(ends, n) for ends, n in (((0, length), 1), ((0, 1), elements), ((-1, 1), 2 * elements))
     )
@@ -82,7 +82,7 @@ def test_shapes_reproduce_quadratics() -> None:
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_slopes_are_those_of_differences(axis: int) -> None:
+def test_slopes_equal_differences(axis: int) -> None:
     step = 1e-5 * np.eye(3)[axis]
     difference = (shapes(POINTS + step) - shapes(POINTS - step)) / 2e-5
     assert np.allclose(shape_slopes(POINTS)[..., axis], difference, atol=1e-9)
@@ -101,7 +101,7 @@ def test_gauss_is_exact_to_twice_its_order(order: int) -> None:
 
 
 def test_quadrature_is_exact_at_the_orders_it_names() -> None:
-    """A cell with all nodes moved at random: volume at 3, first moments at 4, second moments at 5."""
+    """For a cell with all nodes moved at random: volume at order 3, first moments at 4, second moments at 5."""
     nodes = LOCAL + RNG.uniform(-0.08, 0.08, LOCAL.shape)
     cell = np.arange(27)[None]
 
@@ -116,7 +116,7 @@ def test_quadrature_is_exact_at_the_orders_it_names() -> None:
 
 
 @pytest.mark.parametrize("elements", [1, 3])
-def test_volume_of_a_brick(elements: int) -> None:
+def test_brick_volume(elements: int) -> None:
     nodes, cells = meshed(brick(elements=elements))
     assert cells.shape == (elements**3, 27)
     volumes = cell_volumes(nodes, cells)
@@ -124,7 +124,7 @@ def test_volume_of_a_brick(elements: int) -> None:
     assert np.allclose(jacobians(nodes, cells, sample_points()), volumes[:, None], rtol=1e-12)
 
 
-def test_volume_of_a_solid_with_a_quadratic_face() -> None:
+def test_volume_in_a_solid_with_a_quadratic_face() -> None:
     """∫ (1 + x²/a²) dx = 4a/3, by cells and by faces."""
     nodes, cells = meshed(bulged(brick()))
     wanted = 4 / 3 * SIDES.prod()
@@ -142,7 +142,7 @@ def test_local_nodes_are_lexicographic() -> None:
     assert nodes[cells[0]] == pytest.approx(LOCAL * SIDES)
 
 
-def test_boundary_faces_are_closed_and_point_out_of_their_owners() -> None:
+def test_boundary_faces_are_closed_and_point_away_from_their_owners() -> None:
     nodes, cells = meshed(bulged(brick(elements=3)))
     faces, owners = boundary_faces(cells)
     assert len(faces) == 6 * 9
@@ -153,7 +153,7 @@ def test_boundary_faces_are_closed_and_point_out_of_their_owners() -> None:
         assert area_vector(nodes, face[None]) @ outward > 0
 
 
-def test_faces_of_a_layer_have_the_area_of_i_across_j() -> None:
+def test_layer_faces_have_the_area_i_across_j() -> None:
     nodes, ids = numbered(brick())
     area = area_vector(nodes, grid_faces(ids[:, :, -1]))
     assert area == pytest.approx([0, 0, SIDES[0] * SIDES[1]], abs=1e-18)
@@ -197,8 +197,8 @@ def test_module_sets_are_planes_and_a_point() -> None:
 
 
 @pytest.mark.parametrize("mirror_y", [True, False])
-def test_masses_of_a_brick(mirror_y: bool) -> None:
-    """Half the width and its image, or a whole brick beside the mirror plane."""
+def test_brick_masses(mirror_y: bool) -> None:
+    """Half the width and its image, or a whole brick on one side of the plane y = 0."""
     end = half_masses(module_mesh(brick(at=(0, 0, 1e-3))), DENSITY, mirror_y).end
     sides = SIDES * [1, 2 if mirror_y else 1, 1]
     mass = DENSITY * sides.prod()
@@ -209,7 +209,7 @@ def test_masses_of_a_brick(mirror_y: bool) -> None:
     assert np.allclose(end.inertia_kg_m2, inertia, rtol=1e-12, atol=1e-13 * inertia.max())
 
 
-def test_masses_of_a_half_cylinder_converge_to_the_cylinders() -> None:
+def test_half_cylinder_masses_converge_to_the_cylinders() -> None:
     R, length = 6e-3, 5e-3
     mass = DENSITY * np.pi * R**2 * length
     across = mass * (3 * R**2 + length**2) / 12
@@ -231,7 +231,7 @@ def test_the_start_half_is_the_end_halfs_image() -> None:
     assert whole.com_m[:2] == pytest.approx([0, 0], abs=1e-18)
     off = whole.inertia_kg_m2 - np.diag(np.diag(whole.inertia_kg_m2))
     assert np.abs(off).max() < 1e-13 * np.abs(whole.inertia_kg_m2).max()
-    # the bulge leans: its own half does have a product of inertia, of opposite sign in the image
+    # the bulge is asymmetric: its own half has a product of inertia, of opposite sign in the image
     assert mass.end.inertia_kg_m2[0, 2] < 0
     assert mass.start.inertia_kg_m2[0, 2] == pytest.approx(-mass.end.inertia_kg_m2[0, 2])
 

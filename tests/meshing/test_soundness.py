@@ -1,4 +1,4 @@
-"""What is wrong with a problem is said before it is solved, each mistake in a sentence of its own."""
+"""Mistakes in a problem are reported before it is solved, each in one sentence."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def remeshed(**changes: Any) -> ModuleProblem:
 
 
 def on(axis: int, place: float) -> np.ndarray:
-    """Outer faces of the box in a plane."""
+    """Return outer faces of the box in a plane."""
     skin, nodes = BOX.mesh.skin, BOX.mesh.nodes_m
     return skin[np.all(np.abs(nodes[skin, axis] - place) < 1e-12, axis=1)]
 
@@ -45,14 +45,14 @@ def test_what_ships_is_sound(component):
 
 @pytest.mark.parametrize("lost", [1, 3, 5])
 def test_every_face_that_a_cavity_lacks_is_a_leak(lost):
-    """An edge of a lost face has one face left, unless it lies in a plane in which the module goes on."""
+    """An edge of a lost face has one face left, unless it is in a plane in which the module continues."""
     rng, cavity = np.random.default_rng(lost), BOX.mesh.cavity
     for _ in range(10):
         kept = np.sort(rng.permutation(len(cavity))[lost:])
         assert "the cavity leaks" in found_wrong(remeshed(cavity=cavity[kept]))
 
 
-def test_the_place_of_a_leak_is_that_of_the_face():
+def test_the_leak_place_equals_the_face():
     cavity = BOX.mesh.cavity
     middle = BOX.mesh.nodes_m[cavity].mean(axis=1)
     inner = int(np.argmin(np.linalg.norm(middle - middle.mean(axis=0), axis=1)))
@@ -72,7 +72,7 @@ def test_outer_faces_are_no_cavity():
     assert "lie in the plane x = 0, where the module goes on" in found_wrong(remeshed(cavity=with_ends))
 
 
-def test_loose_edges_of_a_closed_skin_are_none():
+def test_a_closed_skin_has_no_loose_edges():
     assert not len(loose_edges(boundary_faces(BOX.mesh.cells)[0]))
     assert len(loose_edges(BOX.mesh.skin[:1])) == 4
 
@@ -105,7 +105,7 @@ KUHN = np.array([[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 
 
 
 def boxes() -> tuple[np.ndarray, np.ndarray]:
-    """Corners and eight-node cells in VTK's order of the box's own mesh."""
+    """Return corners and eight-node cells in VTK's order of the box's own mesh."""
     lexicographic = [2 * i + 6 * j + 18 * k for i, j, k in CORNERS]
     return BOX.mesh.nodes_m, BOX.mesh.cells[:, lexicographic]
 
@@ -116,11 +116,11 @@ def chamber(middles: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["hexahedron", "tetra"])
-def test_cells_of_a_mesher_become_the_mesh_of_a_piece(kind):
+def test_mesher_cells_become_the_mesh_for_a_piece(kind):
     nodes, cells = boxes()
     if kind == "tetra":
         cells = cells[:, KUHN].reshape(-1, 4)
-        turned = np.random.default_rng(1).random(len(cells)) < 0.5  # of either hand
+        turned = np.random.default_rng(1).random(len(cells)) < 0.5  # of either orientation
         cells = np.where(turned[:, None], cells[:, [1, 0, 2, 3]], cells)
     jitter = 1e-12 * np.random.default_rng(2).standard_normal(nodes.shape)
     mesh = piece_mesh(nodes + jitter, kind, cells, BOX.span_m, chamber)
@@ -150,7 +150,7 @@ def test_each_pressure_has_its_own_faces():
 
 
 def test_planes_may_lie_anywhere_and_linked_edges_are_no_leak():
-    """The piece moved along y keeps its plane of symmetry; held by links instead of a plane it is open there only."""
+    """A piece moved along y keeps its plane of symmetry; with links in the place of the plane it is open there only."""
     moved = remeshed(nodes_m=BOX.mesh.nodes_m + np.array([0.0, -20e-3, 0.0]))
     assert found_wrong(moved) == ""
     free = {name: parts for name, parts in BOX.fixed.items() if name != "symmetry"}

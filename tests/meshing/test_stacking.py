@@ -64,23 +64,23 @@ def test_the_cap_closes_the_cavity(family: BellowBending) -> None:
     assert cell_volumes(body.nodes_m, body.cells).min() > 0
     geometry: BellowGeometry = family.geometry
     inside = -2 * _flux(body.nodes_m - np.array([0, 0, geometry.axis_height_m]), body.cavity, (1, 2)) / 2
-    # the open base lies in x = 0, where a field along x has no flux
+    # the open base is in x = 0, where a field along x has no flux
     assert inside == pytest.approx(-2 * _flux(body.nodes_m, body.cavity, (0,)), rel=1e-12)
     assert inside == pytest.approx(2 * geometry.cavity_volume(), rel=1e-3)
 
 
 def loose_faces(mesh: ModuleMesh) -> int:
-    """Faces of the cavity that are not on the skin."""
+    """Return faces of the cavity that are not on the skin."""
     return int(np.sum(~np.isin(mesh.cavity[:, FACE_CENTRE], mesh.skin[:, FACE_CENTRE])))
 
 
 def _flux(nodes: np.ndarray, faces: np.ndarray, components: tuple[int, ...]) -> float:
-    """∫ x_c n_c dA over the faces, summed over the components."""
+    """Return ∫ x_c n_c dA over the faces, summed over the components."""
     return sum(_one(nodes, faces, c) for c in components)
 
 
 def _one(nodes: np.ndarray, faces: np.ndarray, component: int) -> float:
-    """∫ x_c n_c dA of one component c."""
+    """Return ∫ x_c n_c dA of one component c."""
     point, weight = gauss()
     value, slope = lagrange(point)
     corner = nodes[faces].reshape(-1, 3, 3, 3)

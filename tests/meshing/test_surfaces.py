@@ -12,7 +12,7 @@ from pliant.mechanics.rotations import exp_map
 from pliant.meshing.surfaces import box, half_boxes, half_skins, merged, stretched, support, welded
 from pliant.records.design import Array
 from pliant.records.shape import Shape, TriangleMesh
-from pliant.report.figures.stills import outline
+from pliant.report.contact_charts import outline
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.solids import read_solid, write_stl
 
@@ -27,7 +27,7 @@ def bellow() -> BellowBending:
 
 
 def closed(surface: TriangleMesh) -> trimesh.Trimesh:
-    """As trimesh sees it, equal vertices merged."""
+    """Return the surface as trimesh loads it, equal vertices merged."""
     return trimesh.Trimesh(surface.vertices_m, surface.faces)
 
 
@@ -49,7 +49,7 @@ def test_halves_and_modules_are_welded_to_one_skin(bellow: BellowBending) -> Non
     assert skin.is_watertight
     assert skin.volume == pytest.approx(closed(halves.start).volume * 2, rel=1e-9)
     inner = closed(halves.start).area * 2 - skin.area
-    assert inner > 1e-5  # the two sides of the section between them are gone
+    assert inner > 1e-5  # the two sides of the section between them were removed
     two = module.joined(module.placed(np.eye(3), np.array([11e-3, 0, 0])))
     assert closed(welded(two)).is_watertight
     assert closed(welded(two)).volume == pytest.approx(2 * skin.volume, rel=1e-9)
@@ -79,7 +79,7 @@ def test_plate_and_bellow_lie_where_the_design_has_them(bellow: BellowBending) -
     assert reach(plate, -z) == pytest.approx(1.5e-3)  # the face that grips
     assert 2 * reach(tube, y) == pytest.approx(2 * (2 * 6e-3 - 2e-3) + 2 * 1.5e-3)
     assert reach(tube, z) + reach(plate, -z) == pytest.approx(2 * 10e-3 + 3 * 1.5e-3)
-    # the shapes hold the mesh: nothing of it sticks out of the box around both
+    # the shapes enclose the mesh: no part of it is outside the box around both
     points = bellow.surface().end.vertices_m
     assert points[:, 2].max() <= reach(tube, z) + 1e-9
     assert points[:, 2].min() >= -reach(plate, -z) - 1e-9
@@ -108,7 +108,7 @@ TURNED = exp_map(np.array([0.3, -0.2, 0.5]))
     ],
     ids=lambda shape: shape.kind,
 )
-def test_support_is_the_farthest_of_many_points(shape: Shape) -> None:
+def test_support_is_the_farthest_among_many_points(shape: Shape) -> None:
     cloud = outline(shape)
     for direction in np.random.default_rng(0).normal(size=(20, 3)):
         unit = direction / np.linalg.norm(direction)

@@ -1,4 +1,4 @@
-"""Laws of many designs in one form: what they lose, what states decide, stability, records."""
+"""Laws of many designs in one form: its error, the information in states, stability, records."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def three_axes() -> tuple[SolvedDesigns, CommonForm, np.ndarray]:
     return designs, *fit_common_form(designs)
 
 
-def _worst_of_range(law: JointLaw, truth: JointLaw) -> float:
+def _largest_relative_error(law: JointLaw, truth: JointLaw) -> float:
     random = np.random.default_rng(3)
     low, high = truth.domain.deformation.T
     u = low + (high - low) * random.random((60, len(low)))
@@ -46,16 +46,16 @@ def _worst_of_range(law: JointLaw, truth: JointLaw) -> float:
 
 
 def test_polynomial_laws_are_recovered(one_axis) -> None:
-    """The sample's laws are polynomials in p and u, so one form holds them all."""
+    """The sample's laws are polynomials in p and u, so one form represents them all."""
     designs, form, targets = one_axis
     for values, own in zip(designs.values, targets, strict=True):
-        assert _worst_of_range(form.law(values, own), sample_law(values)) < 1e-3
+        assert _largest_relative_error(form.law(values, own), sample_law(values)) < 1e-3
 
 
 def test_three_coupled_axes_are_recovered(three_axes) -> None:
     designs, form, targets = three_axes
     for values, own in zip(designs.values, targets, strict=True):
-        assert _worst_of_range(form.law(values, own), spherical_sample_law(values)) < 5e-3
+        assert _largest_relative_error(form.law(values, own), spherical_sample_law(values)) < 5e-3
 
 
 def test_a_mirror_plane_is_found_in_the_data(one_axis, three_axes) -> None:
@@ -77,7 +77,7 @@ def test_a_target_moves_the_effort_by_its_size(one_axis) -> None:
 
 
 def test_a_design_with_few_states_follows_the_others(one_axis) -> None:
-    """Of one design all but five states are gone: the population fills in what they leave open."""
+    """One design keeps only five states: the population determines what they leave open."""
     designs, _, _ = one_axis
     number = 5
     data = designs.data[number]
@@ -86,7 +86,7 @@ def test_a_design_with_few_states_follows_the_others(one_axis) -> None:
     rest = [poor if i == number else one for i, one in enumerate(designs.data)]
     form, targets = fit_common_form(replace(designs, data=tuple(rest)))
     law = form.law(designs.values[number], targets[number])
-    assert _worst_of_range(law, sample_law(designs.values[number])) < 0.02
+    assert _largest_relative_error(law, sample_law(designs.values[number])) < 0.02
 
 
 def test_data_without_slopes_are_enough() -> None:
@@ -97,11 +97,11 @@ def test_data_without_slopes_are_enough() -> None:
     ]
     form, targets = fit_common_form(replace(designs, data=tuple(bare)))
     law = form.law(designs.values[4], targets[4])
-    assert _worst_of_range(law, sample_law(designs.values[4])) < 5e-3
+    assert _largest_relative_error(law, sample_law(designs.values[4])) < 5e-3
 
 
-def test_laws_of_any_targets_are_stable(one_axis, three_axes) -> None:
-    """Targets far from all solved ones: the law is moved until ∂τ/∂u is negative definite in its box."""
+def test_laws_from_any_targets_are_stable(one_axis, three_axes) -> None:
+    """For targets far from all solved ones the law is moved until ∂τ/∂u is negative definite in its box."""
     random = np.random.default_rng(0)
     moved = 0
     for _, form, targets in (one_axis, three_axes):
@@ -119,7 +119,7 @@ def test_laws_of_any_targets_are_stable(one_axis, three_axes) -> None:
 
 def test_the_nearest_stable_coefficients_are_the_projection() -> None:
     """One axis, two terms: slope −c₁ − 2 c₂ v ≤ −2 margin on [−1, 1] is |2 c₂| ≤ c₁ − 2 margin."""
-    grid = StabilityGrid.of(
+    grid = StabilityGrid.from_box(
         np.array([[0, 2], [0, 3]]), np.array([[0.0, 1.0], [-1.0, 1.0]]), 0, np.array([1.0])
     )
     keep = np.ones(len(grid.points), bool)
@@ -133,7 +133,7 @@ def test_the_nearest_stable_coefficients_are_the_projection() -> None:
 
 
 def test_targets_move_no_farther_than_stability_asks(one_axis) -> None:
-    """Wild targets: what is found is stable, and nothing between it and the start is; a stable start stays."""
+    """For extreme targets the result is stable, and no point between it and the start is; a stable start is kept."""
     _, form, targets = one_axis
     grid = form._grid
     keep = np.ones(len(grid.points), bool)
@@ -154,7 +154,7 @@ def test_targets_move_no_farther_than_stability_asks(one_axis) -> None:
 
 
 def test_side_axes_count_as_far_as_they_were_turned(three_axes) -> None:
-    """States that are not trusted still say how far side axes are meant to go: ranges do not jump between designs."""
+    """States that are not trusted still give the intended range of side axes: ranges do not jump between designs."""
     data = three_axes[0].data[4]
     main = data.axes.index("y")
     far = np.abs(data.deformation[:, 2]) > 0.6 * np.abs(data.deformation[:, 2]).max()
@@ -167,7 +167,7 @@ def test_side_axes_count_as_far_as_they_were_turned(three_axes) -> None:
 
 def test_parameters_count_by_their_logarithm_where_they_can() -> None:
     values = np.array([[1e-3, -1.0], [2e-3, 0.5], [4e-3, 2.0]])
-    scaled = ParameterMap.of(values)(values)
+    scaled = ParameterMap.from_designs(values)(values)
     np.testing.assert_allclose(scaled[:, 0], [-1, 0, 1], atol=1e-12)
     np.testing.assert_allclose(scaled[:, 1], [-1, 0, 1], atol=1e-12)
 

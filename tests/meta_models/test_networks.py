@@ -1,4 +1,4 @@
-"""Networks as meta-models: what they are trained to, what their laws are, and that torch is for training alone."""
+"""Networks as meta-models: their training targets, their laws, and that only training needs torch."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pliant_plugins.meta_models import networks
 from pliant_plugins.meta_models.coefficients import (
     CoefficientLaws,
     Coefficients,
-    law_of_targets,
+    law_from_targets,
     study_targets,
 )
 from pliant_plugins.meta_models.config import CoefficientsConfig, NeuralMetaConfig
@@ -56,7 +56,7 @@ def random_family(axes: int, mirror: Array, units: int = 5) -> RidgeFamily:
     )
 
 
-def test_layers_are_the_mean_of_their_starts() -> None:
+def test_layers_are_the_mean_over_their_starts() -> None:
     random = np.random.default_rng(0)
     weights = (random.standard_normal((2, 3, 4)), random.standard_normal((2, 4, 1)))
     biases = (random.standard_normal((2, 1, 4)), random.standard_normal((2, 1, 1)))
@@ -68,7 +68,7 @@ def test_layers_are_the_mean_of_their_starts() -> None:
     assert layers(x) == pytest.approx(5.0 + 2.0 * (one + two) / 2, abs=1e-14)
 
 
-def test_the_network_of_a_design_is_the_formula_in_si() -> None:
+def test_the_network_for_a_design_is_the_formula_in_si() -> None:
     family = random_family(1, np.ones(1))
     place, energy, top, reach = np.array([0.3, -0.2]), 2e-3, 15e3, np.array([0.4])
     network = family.network(place, energy, top, reach)
@@ -80,7 +80,7 @@ def test_the_network_of_a_design_is_the_formula_in_si() -> None:
     assert network.energy(np.array([[x * top, v * reach[0]]]))[0] == pytest.approx(wanted, rel=1e-12)
 
 
-def test_a_mirrored_energy_does_not_see_the_sign_of_the_side_axes() -> None:
+def test_a_mirrored_energy_does_not_see_the_side_axis_sign() -> None:
     family = random_family(3, np.array([-1.0, 1.0, -1.0]))
     network = family.network(np.array([0.1, 0.5]), 1e-3, 1e4, np.array([0.3, 0.5, 0.3]))
     points = np.random.default_rng(1).standard_normal((7, 4)) * [1e4, 0.3, 0.3, 0.3]
@@ -125,11 +125,11 @@ def test_the_studys_coefficients_are_found_where_the_data_have_its_form(designs:
 def test_the_studys_law_is_stiffened_only_where_it_would_be_unstable() -> None:
     p, u = np.meshgrid(np.linspace(0, PRESSURE_PA, 9), np.linspace(-0.2, 0.4, 9))
     p, u = p.ravel(), u.reshape(-1, 1)
-    stable = law_of_targets(np.array([1.6e-6, -0.8e-6, -0.03, 0.02]), BOX, "pressure_pa", "y", "revolute")
+    stable = law_from_targets(np.array([1.6e-6, -0.8e-6, -0.03, 0.02]), BOX, "pressure_pa", "y", "revolute")
     tau = 1.6e-6 * p + (-0.8e-6 * p - 0.03) * u[:, 0] - 0.01 * u[:, 0] ** 2
     assert stable.evaluate(p, u).tau[:, 0] == pytest.approx(tau, abs=1e-15)
     # At u = -0.2 the slope of these would be -0.03 + 0.3 * 0.2 > 0.
-    saved = law_of_targets(np.array([1.6e-6, -0.8e-6, -0.03, 0.3]), BOX, "pressure_pa", "y", "revolute")
+    saved = law_from_targets(np.array([1.6e-6, -0.8e-6, -0.03, 0.3]), BOX, "pressure_pa", "y", "revolute")
     assert saved.evaluate(p, u).dtau_du.max() == pytest.approx(-0.02 * 0.03, rel=1e-9)
 
 
@@ -140,7 +140,7 @@ def test_the_studys_form_is_refused_for_three_axes() -> None:
 
 
 @pytest.mark.slow
-def test_a_single_start_has_no_doubt_of_its_own(designs: SolvedDesigns) -> None:
+def test_a_single_start_has_no_doubt(designs: SolvedDesigns) -> None:
     pytest.importorskip("torch")
     one = Coefficients(CoefficientsConfig(starts=1)).fit(designs).laws
     assert np.array_equal(one.doubt(unseen_designs()), np.ones(6))
@@ -148,7 +148,7 @@ def test_a_single_start_has_no_doubt_of_its_own(designs: SolvedDesigns) -> None:
     assert one.law(RANGE[:, 0]).error is None
 
 
-def test_a_neural_law_of_a_design_is_read_by_the_neural_surrogate(designs: SolvedDesigns) -> None:
+def test_a_neural_design_law_is_read_by_the_neural_surrogate(designs: SolvedDesigns) -> None:
     pytest.importorskip("torch")
     laws = NeuralMetaModel(NeuralMetaConfig(units=12, steps=150)).fit(designs).laws
     assert isinstance(laws, EnergyLaws)

@@ -63,7 +63,7 @@ def _without(processes: GaussianProcesses, left: int) -> GaussianProcesses:
     return replace(processes, places=processes.places[keep], targets=processes.targets[keep])
 
 
-def test_designs_left_out_in_closed_form_are_those_of_refitting(processes: GaussianProcesses) -> None:
+def test_left_out_designs_in_closed_form_equal_refitting(processes: GaussianProcesses) -> None:
     missed = processes.left_out()
     for left in (0, 7, 23):
         alone = _without(processes, left).mean(processes.places[left : left + 1])[0]
@@ -117,7 +117,7 @@ def test_each_regressor_is_taken_and_recorded(regressor: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("regressor", ["gaussian_process", "polynomial"])
-def test_logarithms_enter_as_plain_inputs_of_the_exponent_would(regressor: str) -> None:
+def test_logarithms_enter_as_plain_inputs_to_the_exponent_would(regressor: str) -> None:
     """Designs at 10^s with inputs by their logarithm are those at s with plain ones; plain at 10^s they are not."""
     plain = solved_designs((3, 3))
     exponents = (plain.values - RANGE[:, 0]) / np.ptp(RANGE, axis=1)

@@ -23,7 +23,7 @@ from pliant.testing.solved_samples import (
 from pliant_plugins.meta_models.common_form import CommonForm
 from pliant_plugins.meta_models.common_form_fit import fit_common_form
 from pliant_plugins.meta_models.common_form_stable import StabilityGrid
-from pliant_plugins.surrogates.polynomial.several_fit import terms_of
+from pliant_plugins.surrogates.polynomial.several_fit import weighted_degree_exponents
 from pliant_plugins.surrogates.polynomial.several_law import SeveralLaw, lower_terms, powers, product, shifted
 
 
@@ -39,7 +39,7 @@ def opposed() -> tuple[SolvedDesigns, CommonForm, np.ndarray]:
     return designs, *fit_common_form(designs)
 
 
-def worst_of_range(law: JointLaw, truth: JointLaw) -> float:
+def largest_relative_error(law: JointLaw, truth: JointLaw) -> float:
     random = np.random.default_rng(3)
     low, high = truth.domain.deformation.T
     p, u = PRESSURE_PA * random.random((80, 2)), low + (high - low) * random.random((80, 1))
@@ -47,23 +47,23 @@ def worst_of_range(law: JointLaw, truth: JointLaw) -> float:
     return float(np.max(np.abs(law.evaluate(p, u).tau - wanted)) / np.ptp(wanted))
 
 
-def test_laws_of_two_pressures_are_recovered(opposed) -> None:
-    """The law is a polynomial in p₁, p₂ and u, so one form holds it for every design."""
+def test_laws_with_two_pressures_are_recovered(opposed) -> None:
+    """The law is a polynomial in p₁, p₂ and u, so one form represents it for every design."""
     designs, form, targets = opposed
     for values, own in zip(designs.values, targets, strict=True):
         law = form.law(values, own)
         assert law.actuations == ("pressure_1_pa", "pressure_2_pa")
-        assert worst_of_range(law, opposed_sample_law(values)) < 1e-3
+        assert largest_relative_error(law, opposed_sample_law(values)) < 1e-3
 
 
 def test_designs_between_those_solved_are_predicted(opposed) -> None:
     laws = model("regression").fit(opposed[0]).laws
     for values in unseen_designs():
-        assert worst_of_range(laws.law(values), opposed_sample_law(values)) < 3e-3
+        assert largest_relative_error(laws.law(values), opposed_sample_law(values)) < 3e-3
 
 
 def test_exchanged_chambers_bend_to_the_other_side(opposed) -> None:
-    """τ(p₁, p₂, u) = −τ(p₂, p₁, −u): no term says so, the states do."""
+    """τ(p₁, p₂, u) = −τ(p₂, p₁, −u): no term enforces it, the states determine it."""
     designs, form, targets = opposed
     law, random = form.law(designs.values[5], targets[5]), np.random.default_rng(1)
     p, u = (
@@ -74,7 +74,7 @@ def test_exchanged_chambers_bend_to_the_other_side(opposed) -> None:
     np.testing.assert_allclose(law.evaluate(p[:, ::-1], -u).tau, -tau, atol=1e-3 * np.ptp(tau))
 
 
-def test_laws_of_any_targets_are_stable_under_all_pressures(opposed) -> None:
+def test_laws_from_any_targets_are_stable_under_all_pressures(opposed) -> None:
     _, form, targets = opposed
     random, moved = np.random.default_rng(0), 0
     for values in unseen_designs(4):
@@ -89,9 +89,9 @@ def test_laws_of_any_targets_are_stable_under_all_pressures(opposed) -> None:
 
 
 def test_stability_is_asked_for_on_four_axes_too() -> None:
-    """Three pressures, three turns and an extension: one negative direction of the fourth axis is seen."""
+    """Three pressures, three turns and an extension: one negative direction of the fourth axis is detected."""
     exponents = np.array([[0, 0, 0, *(2 * row)] for row in np.eye(4, dtype=int)])
-    grid = StabilityGrid.of(exponents, np.array([[0.0, 1.0]] * 3 + [[-1.0, 1.0]] * 4), 1, np.ones(4))
+    grid = StabilityGrid.from_box(exponents, np.array([[0.0, 1.0]] * 3 + [[-1.0, 1.0]] * 4), 1, np.ones(4))
     keep = np.ones(len(grid.points), bool)
     assert grid.stable(grid.at(np.ones(4), keep))
     assert not grid.stable(grid.at(np.array([1.0, 1.0, 1.0, -1.0]), keep))
@@ -99,7 +99,7 @@ def test_stability_is_asked_for_on_four_axes_too() -> None:
 
 def test_a_polynomial_is_the_same_from_another_origin() -> None:
     random = np.random.default_rng(2)
-    exponents = terms_of(2, 3, 2, 1)
+    exponents = weighted_degree_exponents(2, 3, 2, 1)
     exponents = exponents[exponents[:, 2] > 0]
     c, maps = random.standard_normal(len(exponents)), np.array([[0.5, 0.5], [0.4, 0.6], [-0.1, 1.3]])
     lower = lower_terms(exponents)
@@ -109,37 +109,40 @@ def test_a_polynomial_is_the_same_from_another_origin() -> None:
         tables = [powers(at[:, d], scales[d], terms[:, d], False) for d in range(3)]
         return product(tables, {}) @ of
 
-    unscaled = np.tile([0.0, 10.0], (3, 1))  # nothing lies outside [−1, 1]
+    unscaled = np.tile([0.0, 10.0], (3, 1))  # no value is outside [−1, 1]
     x = maps[:, 0] + maps[:, 1] * y
     old = values(exponents, c * 10.0 ** exponents.sum(axis=1), unscaled, x)
     new = values(lower, moved, np.tile([0.0, 1.0], (3, 1)), y)
     np.testing.assert_allclose(np.diff(new), np.diff(old), rtol=1e-9, atol=1e-9)
 
 
-def test_the_studys_form_is_of_one_actuation(opposed) -> None:
+def test_the_published_form_has_one_actuation(opposed) -> None:
     with pytest.raises(UserError, match="one actuation.*pressure_1_pa, pressure_2_pa; use form 'adaptive'"):
         model("coefficients", form="study").fit(opposed[0])
 
 
 def test_designs_are_left_out_for_the_learning_curve() -> None:
-    """What `pliant fit --out` draws: more designs, smaller errors."""
+    """The errors that `pliant fit --out` draws decrease with more designs."""
     found = design_learning(model("regression"), solved_opposed_designs((3, 3)), Silent())
     errors = [point["all"]["rms"] for point in found["points"]]
     assert len(errors) >= 2 and errors[-1] < errors[0]
 
 
 def test_one_state_knows_the_slopes_by_each_pressure(opposed) -> None:
-    """Of p₂ no state knows the slope, and half of the designs have none at p₂ > 0: the others tell."""
+    """No state has the slope by p₂, and half of the designs have none at p₂ > 0: the other designs determine it."""
     designs, _, _ = opposed
     blind = [replace(one, dtau_dp=one.dtau_dp * [1.0, np.nan]) for one in designs.data]
     form, targets = fit_common_form(replace(designs, data=tuple(blind)))
     law = form.law(designs.values[4], targets[4])
     assert isinstance(law, SeveralLaw) and isinstance(law.domain, Domain)
-    assert worst_of_range(law, opposed_sample_law(designs.values[4])) < 5e-3
+    assert largest_relative_error(law, opposed_sample_law(designs.values[4])) < 5e-3
 
 
 def three_chambers(values: np.ndarray) -> SeveralLaw:
-    """Three pressures 120° apart bend about y and z and twist about x: Π of total degree 3, each number ∝ a power."""
+    """Return a law of three pressures 120° apart that bends about y and z and twists about x.
+
+    Π is of total degree 3; each coefficient is a product of powers of the design's ratios.
+    """
     r, t = values[0] / 7.5e-3, values[1] / 1.5e-3
     terms: dict[tuple[int, ...], float] = {}
     for j in range(3):

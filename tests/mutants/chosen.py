@@ -1,4 +1,4 @@
-"""Mutants chosen by hand: what once survived, and places where a wrong sign, factor or lock would be felt last."""
+"""Mutants chosen by hand: former survivors, and places where a wrong sign, factor or lock is hard to detect."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ def _at(room: str, file: str, before: str, after: str) -> Mutant:
 
 
 EVIDENCE, NOISE = "core/pliant/diagnosis/evidence_table.py", "core/pliant/diagnosis/noise.py"
+EFFECTIVE = "core/pliant/measurements/effective.py"
 STORE, DATASET = "core/pliant/store/store.py", "core/pliant/pipeline/dataset.py"
 ROTATIONS, STATICS = "core/pliant/mechanics/rotations.py", "core/pliant/mechanics/statics.py"
 KERNEL, JOBS = "plugins/pliant_plugins/fem/skfem/kernel.py", "core/pliant/execution/jobs.py"
@@ -20,7 +21,7 @@ CHOSEN: tuple[Mutant, ...] = (
     _at("diagnosis", EVIDENCE, "unknown: float = 30.0", "unknown: float = 0.0"),
     _at("diagnosis", EVIDENCE, "UNSEEN_RISE = 1.03", "UNSEEN_RISE = 1.3"),
     _at("diagnosis", NOISE, "floor.between * max(1.0 - standard_error, 0.0) /", "floor.between /"),
-    _at("diagnosis", NOISE, " * np.sqrt(len(rows) / (len(rows) - 1))", ""),
+    _at("diagnosis", EFFECTIVE, " * np.sqrt(len(rows) / (len(rows) - 1))", ""),
     _at("fem", KERNEL, "(twice / 9 - 2 / 3 * m)", "(twice / 9 - m)"),
     # Thresholds and prices of the diagnosis.
     _at("diagnosis", EVIDENCE, "effect: float = 2.1", "effect: float = 0.0"),

@@ -1,4 +1,4 @@
-"""A mutant: one place of the source changed, and how the places to change are drawn."""
+"""A mutant: one changed place of the source, and the drawing of places to change."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOMS: Mapping[str, Sequence[str]] = {
     "laws": ("plugins/pliant_plugins/surrogates", "plugins/pliant_plugins/meta_models"),
     "effects": ("plugins/pliant_plugins/effects",),
     "diagnosis": ("core/pliant/diagnosis", "core/pliant/evidence"),
-    "search": ("core/pliant/search",),
+    "search": ("plugins/pliant_search",),
     "store": ("core/pliant/store",),
     "execution": ("core/pliant/execution",),
 }
@@ -42,10 +42,10 @@ class Mutant:
     """One change of one file.
 
     Attributes:
-        room: what it is about.
+        room: the part of the code that it belongs to.
         file: path from the root.
-        line: where, from 1; 0 where `before` stands once in the file.
-        before, after: the text and what replaces it.
+        line: the line, from 1; 0 where `before` occurs once in the file.
+        before, after: the text and its replacement.
     """
 
     room: str
@@ -59,7 +59,7 @@ class Mutant:
         return f"[{self.room}] {place}  {_short(self.before)}  →  {_short(self.after)}"
 
     def applied(self) -> str:
-        """The file's text with the change. Raises `ValueError` where the text to change is not there once."""
+        """Return the file's text with the change. Raises `ValueError` if the text to change does not occur once."""
         text = (ROOT / self.file).read_text(encoding="utf-8")
         if not self.line:
             if text.count(self.before) != 1:
@@ -73,7 +73,7 @@ class Mutant:
 
 
 def drawn(count: int, seed: int) -> list[Mutant]:
-    """Mutants drawn by a seed, the same number for each room, at most one in a function."""
+    """Return mutants drawn by a seed, the same number for each room, at most one in a function."""
     generator = random.Random(seed)
     found: list[Mutant] = []
     rooms = list(ROOMS)
@@ -95,7 +95,7 @@ def _files(folder: str) -> list[Path]:
 
 
 def _places(room: str, file: Path) -> Iterator[tuple[Mutant, str]]:
-    """Every change of a file that is drawn from, with the function it stands in."""
+    """Yield every possible change of a file, with the name of the function that contains it."""
     text = file.read_text(encoding="utf-8")
     lines = text.splitlines()
     name = file.relative_to(ROOT).as_posix()
@@ -113,7 +113,7 @@ def _places(room: str, file: Path) -> Iterator[tuple[Mutant, str]]:
 
 
 def _changed(node: ast.AST) -> str | None:
-    """The node's text with its sign, factor, comparison, connective or negation changed; None for other nodes."""
+    """Return the node's text with its sign, factor, comparison, connective or negation changed, None for others."""
     if isinstance(node, ast.BinOp) and type(node.op) in SWAPPED:
         if isinstance(node.op, ast.Div) and re.search(
             r"folder|root|path|FILE|MANIFEST|name", ast.unparse(node)

@@ -1,9 +1,9 @@
-"""Whether the tests notice wrong code: each mutant must make one of them fail. `make mutants`
+"""Measure whether the tests detect wrong code: each mutant must make one of them fail. `make mutants`
 
-    python -m tests.mutants.run              all mutants; goes on where an interrupted run was
+    python -m tests.mutants.run              all mutants; continues an interrupted run
     python -m tests.mutants.run --list       prints them
     python -m tests.mutants.run --room fem   those of one room
-    python -m tests.mutants.run --fresh      forgets earlier answers
+    python -m tests.mutants.run --fresh      discards earlier answers
 
 A mutant is written into a copy of the sources, and the tests whose modules import the changed one, the nearest first,
 run until one fails. A shipped component is imported by its name only; its conformance test counts as an importer, and
@@ -44,7 +44,7 @@ COPY = ROOT / ".pliant" / "mutants"
 
 
 def nearest_tests(known: dict[str, Module]) -> dict[str, list[str]]:
-    """Source module → test files, and single tests, that reach it, the nearest first."""
+    """Return source module → test files, and single tests, that reach it, the nearest first."""
     tests = {}
     for file in sorted((ROOT / "tests").rglob("*.py")):
         name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
@@ -65,7 +65,7 @@ def _module(name: str, file: Path) -> Module:
 
 
 def _named_by(component: Component, room: str) -> set[str]:
-    """A component's conformance test, and the files of its room's tests that write its kind."""
+    """Return a component's conformance test, and the files of its room's tests that write its kind."""
     word = re.compile(rf"\b{component.kind}\b")
     files = [
         file for file in (ROOT / "tests" / room).glob("test_*.py") if word.search(file.read_text("utf-8"))
@@ -76,7 +76,7 @@ def _named_by(component: Component, room: str) -> set[str]:
 
 
 def _nearest(name: str, users: dict[str, set[str]]) -> list[str]:
-    """Tests by their distance; those called like the module or its room come before others."""
+    """Return tests by their distance; those named like the module or its room come before others."""
     room, own = set(name.split(".")[1:3]), name.rpartition(".")[2]
     seen, layer, found = {name}, {name}, []
     while layer and len(found) < 4 * MOST_FILES:
@@ -88,13 +88,13 @@ def _nearest(name: str, users: dict[str, set[str]]) -> list[str]:
 
 
 def _target(name: str) -> str:
-    """What pytest is given for a test file's dotted name, or for one case of the conformance test."""
+    """Return the pytest argument for a test file's dotted name, or for one case of the conformance test."""
     file, bracket, case = name.partition("[")
     return file.replace(".", "/") + ".py" + (f"::test_shipped[{case}" if bracket else "")
 
 
 def caught_by(mutant: Mutant, files: list[str]) -> str:
-    """The test that fails for a mutant; "" where none does."""
+    """Return the test that fails for a mutant; "" where none does."""
     _copy_sources()
     (COPY / mutant.file).write_text(mutant.applied(), encoding="utf-8")
     paths = os.pathsep.join(str(COPY / part) for part in ("core", "plugins"))
@@ -122,7 +122,7 @@ def caught_by(mutant: Mutant, files: list[str]) -> str:
 
 
 def _copy_sources() -> None:
-    """Today's sources; what has not changed stays, so that compiled loops are found again."""
+    """Copy the current sources; unchanged files are kept, so that compiled loops are reused."""
     for part in ("core", "plugins"):
         for file in (ROOT / part).rglob("*"):
             target = COPY / file.relative_to(ROOT)
@@ -151,7 +151,7 @@ def main() -> int:
     given = parser.parse_args()
     mutants = [m for m in (*CHOSEN, *drawn(DRAWN, SEED)) if given.room in ("", m.room)]
     for mutant in mutants:
-        mutant.applied()  # a chosen place that has moved is said before hours of work
+        mutant.applied()  # a chosen place that has moved is reported before hours of work
     if given.list:
         print("\n".join(map(str, mutants)))
         return 0

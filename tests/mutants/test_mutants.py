@@ -1,6 +1,4 @@
-"""The mutants that `make mutants` runs: each still stands in the code, there are enough of every room, and each meets
-tests that exist.
-"""
+"""The mutants of `make mutants`: each occurs in the code, every room has enough, and the tests of each exist."""
 
 import ast
 from collections import Counter
@@ -27,7 +25,7 @@ def test_every_mutant_changes_its_file_and_leaves_it_python(mutants: list[Mutant
 
 @pytest.mark.slow
 def test_every_mutant_meets_tests_that_exist(mutants: list[Mutant]) -> None:
-    """pytest ends with an error for a test that is none, which would pass for a mutant that is caught."""
+    """pytest ends with an error for a missing test, which would count as a caught mutant."""
     tests = nearest_tests(modules())
     cases = {f"test_shipped[{suite.id}]" for suite in SUITES}
     for mutant in mutants:

@@ -1,4 +1,4 @@
-"""Every public name of `import pliant` has an example in its docstring, and it does what stands there."""
+"""Every public name of `import pliant` has an example in its docstring, and the example gives the stated result."""
 
 import doctest
 import inspect
@@ -10,20 +10,31 @@ import pytest
 from tests.notebook.test_study import STUDY
 
 import pliant
-from pliant.notebook import result, study
+from pliant.notebook import compose, result, study
+from pliant_plugins.families.reference import FINGER
+from pliant_plugins.manifest import STUDY_LAW
 
 pytest.importorskip("pandas")
+LAW = {"kind": "polynomial", "form": "study", "odd": True, "coefficients": STUDY_LAW}
 EXAMPLES = Path(__file__).parents[2] / "examples"
-SLOW = ("fem", "diagnose", "improve", "extend", "optimize")
+SLOW = ("fem", "solve", "diagnose", "improve", "extend", "optimize")
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
 def documented() -> dict[str, object]:
-    """The functions of the package's door, and the public methods and properties of what they give."""
+    """Return the public functions of the package, and the public methods and properties of their results."""
     found: dict[str, object] = {name: getattr(pliant, name) for name in pliant.__all__}
-    for owner in (study.StudyHandle, study.Simulated, study.Fitted, result.Result):
+    for owner in (
+        study.StudyHandle,
+        study.Simulated,
+        study.Fitted,
+        result.Result,
+        compose.ComposedStudy,
+        pliant.Chain,
+    ):
         for name, member in vars(owner).items():
-            if not name.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
+            shown = inspect.isfunction(member) or isinstance(member, property | classmethod)
+            if not name.startswith("_") and shown:
                 found[f"{owner.__name__}.{name}"] = member
     return found
 
@@ -33,7 +44,7 @@ NAMES = [name for name in documented() if name not in ("StudyHandle.config", "St
 
 @pytest.fixture(scope="module")
 def names(tmp_path_factory: pytest.TempPathFactory, shared_store: Path) -> dict[str, object]:
-    """What the examples may speak of: a stated finger, the joint of the hidden effect, the folder of the examples."""
+    """Return names for the examples: a stated finger, the joint of the hidden effect, the folder of the examples."""
     matplotlib.use("Agg")
     folder = tmp_path_factory.mktemp("docstrings")
     (folder / "study.yaml").write_text(STUDY)
@@ -43,6 +54,9 @@ def names(tmp_path_factory: pytest.TempPathFactory, shared_store: Path) -> dict[
         "examples": EXAMPLES,
         "store": shared_store,
         "finger": pliant.open(folder / "study.yaml", store=shared_store),
+        "LAW": LAW,
+        "FINGER": {"kind": "bellow_bending", **FINGER},
+        "chain": pliant.Chain.from_modules(LAW, 8, module_length="11 mm", store=shared_store),
         "joint": pliant.open(EXAMPLES / "hidden_effect" / "finger.yaml", store=shared_store),
     }
 
@@ -51,7 +65,7 @@ def names(tmp_path_factory: pytest.TempPathFactory, shared_store: Path) -> dict[
     "name",
     [pytest.param(n, marks=[pytest.mark.slow] if n.rpartition(".")[2] in SLOW else []) for n in NAMES],
 )
-def test_the_example_of_a_public_name_holds(name: str, names: dict[str, object]) -> None:
+def test_the_example_for_a_public_name_holds(name: str, names: dict[str, object]) -> None:
     text = inspect.getdoc(documented()[name]) or ""
     test = doctest.DocTestParser().get_doctest(text, dict(names), name, None, 0)
     assert test.examples, f"{name} has no example"

@@ -1,4 +1,4 @@
-"""A study with methods, and results that show themselves."""
+"""A study with methods, and results with a notebook representation."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def stated(tmp_path: Path) -> StudyHandle:
     return pliant.open(tmp_path / "study.yaml", store=tmp_path / "store")
 
 
-def test_the_worked_number_of_the_conventions_comes_out(stated: StudyHandle) -> None:
+def test_the_worked_number_in_the_conventions_is_reproduced(stated: StudyHandle) -> None:
     done = stated.simulate()
     assert done.tip == pytest.approx([0.059451, 0.0, -0.007889], abs=1e-6)
     assert done.joint_angles == pytest.approx(0.359718, abs=1e-6)
@@ -81,7 +81,7 @@ def test_results_show_themselves(stated: StudyHandle) -> None:
     assert compared.json["outputs"]["angle_rad"]["rmse"] == pytest.approx(rms)
 
 
-def test_a_saved_result_is_the_page_of_the_command(stated: StudyHandle, tmp_path: Path) -> None:
+def test_a_saved_result_is_the_command_page(stated: StudyHandle, tmp_path: Path) -> None:
     page = stated.simulate().save(tmp_path / "page")
     assert page.name == "report.html"
     assert "data:image/png" in page.read_text(encoding="utf-8")
@@ -93,7 +93,7 @@ def test_markup_in_a_name_is_text_in_a_notebook(stated: StudyHandle, tmp_path: P
     assert "<b>a</b>" not in stated.compare()._repr_html_()
 
 
-def test_a_law_from_a_frame_is_that_of_its_file(tmp_path: Path) -> None:
+def test_a_law_from_a_frame_equals_that_from_its_file(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     p, u = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 15e3, 6), np.linspace(-0.2, 0.6, 7)))
     table = {

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Optimizer, Space, Trial, Value, Variable
+from pliant_search.optimizer import Optimizer, Space, Trial, Value, Variable
 
 NAN = float("nan")
 MIXED = Space(
@@ -22,36 +22,36 @@ MIXED = Space(
 
 
 def box(n: int, low: float = -2.0, high: float = 3.0) -> Space:
-    """n real variables."""
+    """Return n real variables."""
     return Space(tuple(Variable(f"x{i}", "real", low, high) for i in range(n)))
 
 
 def sphere(values: Mapping[str, Any]) -> float:
-    """Minimum 0 at 0.7 in every variable."""
+    """Return a sum of squares with minimum 0 at 0.7 in every variable."""
     return float(sum((v - 0.7) ** 2 for v in values.values()))
 
 
 def rosenbrock(values: Mapping[str, Any]) -> float:
-    """Minimum 0 at 1 in every variable."""
+    """Return Rosenbrock's function, minimum 0 at 1 in every variable."""
     x = np.array(list(values.values()))
     return float(np.sum(100 * (x[1:] - x[:-1] ** 2) ** 2 + (1 - x[:-1]) ** 2))
 
 
 def mixed(values: Mapping[str, Any]) -> float:
-    """Minimum 0 at a = 0.3, n = 31, c = v, d = 0."""
+    """Return an objective with minimum 0 at a = 0.3, n = 31, c = v, d = 0."""
     by_choice = {"u": 1.0, "v": 0.0, "w": 2.0, "z": 1.5}[values["c"]]
     return float((values["a"] - 0.3) ** 2 + 0.01 * (values["n"] - 31) ** 2 + by_choice + values["d"])
 
 
 def line(values: Mapping[str, Any]) -> tuple[float, float]:
-    """x₀ + x₁ is small where x₀² + x₁² ≤ 1: minimum −√2; objective and violation."""
+    """Return the objective x₀ + x₁ and the violation of x₀² + x₁² ≤ 1: minimum −√2."""
     x = np.array(list(values.values()))
     excess = float(x @ x - 1)
     return (float(x.sum()), 0.0) if excess <= 0 else (NAN, excess)
 
 
 def scored(trial: Trial, objective: Callable[[Mapping[str, Value]], Any]) -> Trial:
-    """Its result; the objective may give a number, or a number and a violation."""
+    """Return the candidate's result; the objective may give a number, or a number and a violation."""
     given = objective(trial.values)
     value, violation = given if isinstance(given, tuple) else (given, 0.0)
     return trial.scored(value, violation=violation)
@@ -60,7 +60,7 @@ def scored(trial: Trial, objective: Callable[[Mapping[str, Value]], Any]) -> Tri
 def search(
     optimizer: Optimizer, objective: Callable[[Mapping[str, Value]], Any], candidates: int
 ) -> list[tuple[Trial, Trial]]:
-    """Ask and tell, in batches, until at least so many candidates are told."""
+    """Call ask and tell, in batches, until at least `candidates` results are reported."""
     done: list[tuple[Trial, Trial]] = []
     while len(done) < candidates:
         asked = optimizer.ask(optimizer.batch)
@@ -71,14 +71,14 @@ def search(
 
 
 def best(done: list[tuple[Trial, Trial]]) -> tuple[Trial, Trial]:
-    """The lowest objective."""
+    """Return the lowest objective."""
     return min(
         (pair for pair in done if pair[1].objective == pair[1].objective), key=lambda p: p[1].objective
     )
 
 
 def resumed(optimizer: Any) -> Any:
-    """Another one that goes on from its state, as JSON."""
+    """Return another optimizer restored from the state, as JSON."""
     again = type(optimizer)(optimizer.config)
     again.restore(json.loads(json.dumps(optimizer.state(), allow_nan=False)))
     return again
@@ -87,7 +87,7 @@ def resumed(optimizer: Any) -> Any:
 def require_goes_on(
     optimizer: Optimizer, late: Sequence[Trial], objective: Callable[[Mapping[str, Value]], Any], more: int
 ) -> None:
-    """It and a resumed one are told the late results and then propose the same."""
+    """Check that the optimizer and a resumed one propose the same after the late results are reported to both."""
     traces = []
     for one in (optimizer, resumed(optimizer)):
         one.tell(late)

@@ -20,13 +20,13 @@ from tests.optimizers.optimizer_searches import (
     search,
 )
 
-from pliant.interfaces.optimizer import Space, Variable
-from pliant_plugins.optimizers.config import CmaesConfig
+from pliant_search.optimizer import Space, Variable
+from pliant_search.optimizers.config import CmaesConfig
 
 pytest.importorskip("cma")
 
-from pliant_plugins.optimizers.cmaes.fitness import ScoredTrial, fitness
-from pliant_plugins.optimizers.cmaes.optimizer import Cmaes, Encoding
+from pliant_search.optimizers.cmaes.fitness import ScoredTrial, fitness
+from pliant_search.optimizers.cmaes.optimizer import Cmaes, Encoding
 
 
 def cmaes(space: Space, seed: int = 1, **config: Any) -> Cmaes:
@@ -35,7 +35,7 @@ def cmaes(space: Space, seed: int = 1, **config: Any) -> Cmaes:
     return optimizer
 
 
-def test_finds_the_bottom_of_rosenbrocks_valley() -> None:
+def test_finds_the_minimum_in_rosenbrocks_valley() -> None:
     candidate, outcome = best(search(cmaes(box(5)), searches.rosenbrock, 2400))
     assert outcome.objective < 1e-8
     assert np.allclose(list(candidate.values.values()), 1.0, atol=1e-3)
@@ -47,7 +47,7 @@ def test_finds_a_mixed_optimum() -> None:
     assert candidate.values["a"] == pytest.approx(0.3, abs=0.01)
 
 
-def test_finds_an_optimum_on_a_constraint_in_a_corner_and_of_one_variable() -> None:
+def test_finds_an_optimum_on_a_constraint_in_a_corner_and_in_one_variable() -> None:
     done = search(cmaes(box(2)), searches.line, 500)
     assert best(done)[1].objective == pytest.approx(-np.sqrt(2), abs=1e-3)
     candidate, _ = best(search(cmaes(box(3)), lambda v: sum(v.values()), 600))  # type: ignore[arg-type]
@@ -72,7 +72,7 @@ def test_failures_are_survived_at_first_and_throughout() -> None:
 
 
 def test_smaller_violations_lead_into_the_feasible_part() -> None:
-    """1 in 10⁵ of the box is feasible: random draws do not meet it."""
+    """1 in 10⁵ of the box is feasible: random draws do not reach it."""
 
     def far(values: Any) -> tuple[float, float]:
         distance = float(np.linalg.norm(np.array(list(values.values())) - 0.9))
@@ -84,7 +84,7 @@ def test_smaller_violations_lead_into_the_feasible_part() -> None:
 
 @pytest.mark.parametrize("at", [0, 20])
 def test_goes_on_after_an_interruption_as_if_there_was_none(at: int) -> None:
-    """Within a generation, with outcomes missing."""
+    """The interruption is within a generation, with outcomes missing."""
     optimizer = cmaes(MIXED)
     search(optimizer, searches.mixed, at * optimizer.batch)
     waiting = optimizer.ask(3)
@@ -101,7 +101,7 @@ def test_goes_on_exactly_with_surplus_candidates_and_after_restarts() -> None:
     require_goes_on(optimizer, [scored(c, searches.sphere) for c in asked], searches.sphere, 150)
 
 
-def test_pieces_of_a_generation_are_the_generation() -> None:
+def test_pieces_from_a_generation_are_the_generation() -> None:
     """Asked one by one, the candidates are those of one call."""
     whole, pieces = cmaes(box(4)), cmaes(box(4))
     for _ in range(5):
@@ -164,7 +164,7 @@ def test_failed_ones_rank_behind_evaluated_ones_and_before_refused_ones() -> Non
 
 
 def test_every_choice_and_number_can_be_reached() -> None:
-    encoding = Encoding.of(MIXED.variables)
+    encoding = Encoding.from_variables(MIXED.variables)
     for guess in ({"n": n, "c": c, "d": d} for n in (4, 17, 40) for c in "uvwz" for d in (0, 1)):
         assert {k: encoding.decoded(encoding.encoded(guess))[k] for k in guess} == guess
 

@@ -30,12 +30,12 @@ from tests.optimizers.optimizer_searches import (
 )
 
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.optimizer import Space, Variable
-from pliant.testing.optimizer import CORNER, IDEAL, TWO_ENDS, hypervolume, two_ends
-from pliant_plugins.optimizers.config import OptunaConfig
+from pliant_search.conformance import CORNER, IDEAL, TWO_ENDS, hypervolume, two_ends
+from pliant_search.optimizer import Space, Variable
+from pliant_search.optimizers.config import OptunaConfig
 
 optuna = pytest.importorskip("optuna")
-from pliant_plugins.optimizers.optuna.optimizer import Optuna  # noqa: E402 - needs optuna
+from pliant_search.optimizers.optuna.optimizer import Optuna  # noqa: E402 - needs optuna
 
 CMAES = pytest.param("cmaes", marks=pytest.mark.skipif(not importlib.util.find_spec("cmaes"), reason="cmaes"))
 SAMPLERS = [
@@ -58,7 +58,7 @@ def started(space: Space, seed: int = 1, **config: Any) -> Optuna:
 
 
 def patchy(values: Any) -> tuple[float, float]:
-    """The mixed problem; some parts are refused, some fail."""
+    """Return the mixed problem's result; some parts are refused, some fail."""
     if values["n"] % 7 == 0:
         return NAN, 0.3
     return (NAN if values["n"] % 5 == 0 else searches.mixed(values)), 0.0
@@ -90,7 +90,7 @@ def test_goes_on_after_an_interruption_as_if_there_was_none(sampler: str) -> Non
 
 
 def test_several_objectives_give_a_front() -> None:
-    """Of tpe the conformance suite says so."""
+    """The sampler is nsga2; the conformance suite tests fronts of tpe."""
     optimizer = started(TWO_ENDS, sampler="nsga2", population=16)
     points: list[tuple[float, ...]] = []
     while len(points) < 160:
@@ -102,7 +102,7 @@ def test_several_objectives_give_a_front() -> None:
 
 
 def test_failures_are_survived_and_avoided() -> None:
-    """Half of the box fails; elsewhere all is equal, so that failures are all there is to learn from."""
+    """Half of the box fails; elsewhere all values are equal, so that only failures can be learned."""
     done = search(started(box(2)), lambda v: NAN if v["x0"] < 0.5 else 1.0, 160)  # type: ignore[operator]
     assert sum(o.objective != o.objective for _, o in done[-60:]) < 20
 
@@ -128,7 +128,7 @@ def test_a_storage_shows_every_trial_once_through_an_interruption(kind: str, tmp
     optimizer = started(MIXED, storage=place, study="finger")
     search(optimizer, patchy, 16)
     saved = json.dumps(optimizer.state())
-    search(optimizer, patchy, 8)  # told and written, and then the process dies before it saves its state
+    search(optimizer, patchy, 8)  # reported and written, and then the process dies before it saves its state
     again = Optuna(optimizer.config)
     again.restore(json.loads(saved))
     done = search(again, patchy, 16)
@@ -152,7 +152,7 @@ def opened(place: str) -> Any:
     return optuna.storages.JournalStorage(backend)
 
 
-def test_every_search_has_a_study_of_its_own(tmp_path: Path) -> None:
+def test_every_search_has_its_own_study(tmp_path: Path) -> None:
     place = f"journal:{tmp_path}/s.log"
     for seed in (1, 2, 3):
         search(started(box(2), seed, storage=place), searches.sphere, 8)
@@ -224,7 +224,7 @@ def test_exports_a_journal_that_optuna_reads(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_dashboard_serves_the_study(tmp_path: Path) -> None:
-    """optuna-dashboard on the file that the plugin wrote, asked through its HTTP interface."""
+    """optuna-dashboard reads the file that the plugin wrote and answers by its HTTP interface."""
     program = shutil.which("optuna-dashboard", path=str(Path(sys.executable).parent)) or shutil.which(
         "optuna-dashboard"
     )
@@ -250,7 +250,7 @@ def test_the_dashboard_serves_the_study(tmp_path: Path) -> None:
 
 
 def answer(url: str) -> Any:
-    """The JSON there, once the server is up."""
+    """Return the JSON at that address, once the server is running."""
     for _ in range(300):
         try:
             with urllib.request.urlopen(url, timeout=10) as response:

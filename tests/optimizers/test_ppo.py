@@ -1,4 +1,4 @@
-"""PPO as ask and tell: it learns which design suits which condition, continues exactly, and its policy can be used."""
+"""PPO as ask and tell: it learns the design for each condition, continues exactly, and its policy can be used."""
 
 from __future__ import annotations
 
@@ -19,12 +19,17 @@ pytest.importorskip("stable_baselines3")
 pytest.importorskip("tensorboard")
 
 from pliant.errors import MissingDependencyError, UserError  # noqa: E402
-from pliant.interfaces.optimizer import Context, Space, Trial, Variable  # noqa: E402
 from pliant.registry.discovery import discover  # noqa: E402
-from pliant_plugins.optimizers.config import PpoConfig  # noqa: E402
-from pliant_plugins.optimizers.ppo.episode import action_of, context_of, observations_of, values_of  # noqa: E402
-from pliant_plugins.optimizers.ppo.optimizer import Ppo, Rewards  # noqa: E402
-from pliant_plugins.optimizers.ppo.policy import SavedPolicy  # noqa: E402
+from pliant_search.optimizer import Context, Space, Trial, Variable  # noqa: E402
+from pliant_search.optimizers.config import PpoConfig  # noqa: E402
+from pliant_search.optimizers.ppo.episode import (  # noqa: E402
+    context_index,
+    context_observations,
+    decode_action,
+    encode_action,
+)
+from pliant_search.optimizers.ppo.optimizer import Ppo, Rewards  # noqa: E402
+from pliant_search.optimizers.ppo.policy import SavedPolicy  # noqa: E402
 
 NAN = float("nan")
 MIXED = (
@@ -48,7 +53,7 @@ def mixed_score(candidate):
 
 
 def played(optimizer, candidates, score=mixed_score, count=32):
-    """What is proposed while that many candidates are tried."""
+    """Return the proposals while `candidates` candidates are tried."""
     proposed = []
     while len(proposed) < candidates:
         asked = optimizer.ask(min(count, candidates - len(proposed)))
@@ -60,13 +65,36 @@ def played(optimizer, candidates, score=mixed_score, count=32):
 def test_the_policy_starts_where_the_space_says():
     start = {"length": 0.04, "modules": 9, "side": "right"}
     for candidate in started(Space(MIXED, start=start)).recommend():
-        assert candidate.values["length"] == pytest.approx(0.04, abs=2e-3)  # the untrained net adds a little
+        assert candidate.values["length"] == pytest.approx(0.04, abs=2e-3)  # the network adds a little
         assert candidate.values["modules"] == 9
         assert candidate.values["side"] == "right"
 
 
+def test_keys_without_effect_are_named():
+    """An episode has one step; a search shorter than a batch has no update."""
+    assert Ppo(PpoConfig()).remarks(32) == Ppo(PpoConfig()).remarks(None) == []
+    (later,) = Ppo(PpoConfig(gamma=0.5)).remarks(320)
+    assert later.startswith("optimizer.gamma has no effect")
+    (short,) = Ppo(PpoConfig(learning_rate=1e-3)).remarks(31)
+    assert "after every 32 candidates and the search has 31" in short and "optimizer.learning_rate" in short
+
+
+def test_discounts_do_not_change_a_policy_and_other_keys_do():
+    """What `remarks` says of a batch that is learned from, key by key."""
+    space = Space(PLANE)
+
+    def policy(**config):
+        optimizer = started(space, environments=4, n_steps=2, batch_size=4, **config)
+        played(optimizer, 16, lambda c: c.values["a"])
+        return [one.values for one in optimizer.recommend()]
+
+    plain = policy()
+    assert policy(gamma=0.1) == policy(gae_lambda=0.1) == plain
+    assert policy(learning_rate=1e-3) != plain != policy(entropy=0.3)
+
+
 def test_a_restored_search_goes_on_exactly():
-    """State taken in the middle of a batch, some of it told; networks, Adam, the worst reward and the log included."""
+    """The state is taken in the middle of a batch; networks, Adam, the worst reward and the log are restored."""
     first = started()
     played(first, 40, count=11)
     waiting = first.ask(7)
@@ -79,7 +107,7 @@ def test_a_restored_search_goes_on_exactly():
     assert first.recommend() == second.recommend()
 
 
-def test_neither_the_order_of_outcomes_nor_the_size_of_asks_matters():
+def test_neither_the_outcome_order_nor_the_ask_size_matters():
     together, apart = started(), started()
     for _ in range(2):
         asked = together.ask(32)
@@ -132,44 +160,52 @@ def test_global_generators_and_threads_decide_nothing_and_are_left_alone():
 
 
 def test_contexts_take_turns_in_a_drawn_order():
-    drawn = [context_of(number, 6, 5) for number in range(60)]
+    drawn = [context_index(number, 6, 5) for number in range(60)]
     rounds = [tuple(drawn[i : i + 6]) for i in range(0, 60, 6)]
     assert all(sorted(r) == list(range(6)) for r in rounds)
     assert len(set(rounds)) > 5
-    assert [context_of(number, 6, 6) for number in range(60)] != drawn
+    assert [context_index(number, 6, 6) for number in range(60)] != drawn
 
 
 def test_what_the_policy_sees():
-    assert observations_of(()).tolist() == [[1.0]]
-    assert observations_of((Context("a"), Context("b"))).tolist() == [[1.0, 0.0], [0.0, 1.0]]
-    assert observations_of(TWO).tolist() == [[0.0], [1.0]]
+    assert context_observations(()).tolist() == [[1.0]]
+    assert context_observations((Context("a"), Context("b"))).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert context_observations(TWO).tolist() == [[0.0], [1.0]]
     with pytest.raises(UserError, match="1 and 2 features"):
-        observations_of((Context("a", (1.0,)), Context("b", (1.0, 2.0))))
+        context_observations((Context("a", (1.0,)), Context("b", (1.0, 2.0))))
 
 
 def test_actions_and_designs():
-    assert values_of(np.array([-1.0, -1.0, -1.0]), MIXED) == {"length": -0.02, "modules": 5, "side": "left"}
-    assert values_of(np.array([3.0, 1.0, 1.0]), MIXED) == {"length": 0.05, "modules": 10, "side": "both"}
-    assert values_of(np.zeros(3), MIXED) == {"length": pytest.approx(0.015), "modules": 8, "side": "right"}
+    assert decode_action(np.array([-1.0, -1.0, -1.0]), MIXED) == {
+        "length": -0.02,
+        "modules": 5,
+        "side": "left",
+    }
+    assert decode_action(np.array([3.0, 1.0, 1.0]), MIXED) == {"length": 0.05, "modules": 10, "side": "both"}
+    assert decode_action(np.zeros(3), MIXED) == {
+        "length": pytest.approx(0.015),
+        "modules": 8,
+        "side": "right",
+    }
     for number in np.linspace(-1, 1, 41):
-        values = values_of(np.full(3, number), MIXED)
-        assert values_of(action_of(values, MIXED), MIXED) == pytest.approx(values)
+        values = decode_action(np.full(3, number), MIXED)
+        assert decode_action(encode_action(values, MIXED), MIXED) == pytest.approx(values)
     shares = np.linspace(-1, 1, 3001)
-    sides = [values_of(np.array([0, 0, s]), MIXED)["side"] for s in shares]
+    sides = [decode_action(np.array([0, 0, s]), MIXED)["side"] for s in shares]
     assert [sides.count(side) for side in MIXED[2].choices] == pytest.approx([1000] * 3, abs=2)
 
 
 def test_candidates_without_an_objective_are_worse_than_the_worst():
     rewards, fine = Rewards(), np.zeros(3)
-    assert rewards.of(np.full(3, np.nan), fine).tolist() == [-1.0, -1.0, -1.0]
-    assert rewards.of(np.array([2.0, np.nan, 12.0]), fine).tolist() == [-2.0, -13.0, -12.0]
-    # The worst is remembered; constraints cost up to another margin.
-    found = rewards.of(np.full(4, np.nan), np.array([0.0, 0.5, 1.0, 70.0]))
+    assert rewards.compute(np.full(3, np.nan), fine).tolist() == [-1.0, -1.0, -1.0]
+    assert rewards.compute(np.array([2.0, np.nan, 12.0]), fine).tolist() == [-2.0, -13.0, -12.0]
+    # The worst is stored; constraints cost up to another margin.
+    found = rewards.compute(np.full(4, np.nan), np.array([0.0, 0.5, 1.0, 70.0]))
     assert found.tolist() == [-13.0, -13.5, -14.0, -14.0]
 
 
 def same_after(*scores):
-    """Whether searches whose odd candidates get these (objective, violation) go on alike; states stay JSON."""
+    """Return whether searches continue alike for each (objective, violation) of odd candidates; states stay JSON."""
     proposed = []
     for objective, violation in scores:
         optimizer = started()
@@ -185,7 +221,7 @@ def same_after(*scores):
 
 
 def test_bad_numbers_reach_neither_state_nor_network():
-    """A violation decides, whatever the objective says; what overflows single precision counts as failed."""
+    """A violation takes precedence over the objective; values that overflow single precision count as failed."""
     assert same_after((-100.0, 1.0), (NAN, 1.0), (1.0, NAN), (1.0, 1e9))
     assert same_after(*((objective, 0.0) for objective in (NAN, float("inf"), -float("inf"), 1e30, 1e300)))
 
@@ -198,7 +234,7 @@ def test_the_saved_policy_gives_the_same_designs(tmp_path):
     files = optimizer.export(tmp_path)
     assert {f.name for f in files[:2]} == {"policy.zip", "policy.json"}
     assert all(f.is_file() for f in files)
-    policy = SavedPolicy.of(tmp_path)
+    policy = SavedPolicy.load(tmp_path)
     for candidate in optimizer.recommend():
         assert policy.design(TWO[candidate.context].name) == candidate.values
         assert policy.design(TWO[candidate.context].features) == candidate.values
@@ -210,11 +246,11 @@ def test_the_saved_policy_gives_the_same_designs(tmp_path):
     with pytest.raises(UserError, match="name a condition: light, heavy"):
         policy.design()
     with pytest.raises(UserError, match=r"has no policy.zip"):
-        SavedPolicy.of(tmp_path / "elsewhere")
+        SavedPolicy.load(tmp_path / "elsewhere")
 
 
 class Harm:
-    """Unpickled, it makes a file."""
+    """An object that creates a file when it is unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -224,7 +260,7 @@ class Harm:
 
 
 def spoiled(folder, name, content):
-    """The policy's zip with one of its files replaced."""
+    """Return the policy's zip with one of its files replaced."""
     with zipfile.ZipFile(folder / "policy.zip") as whole:
         files = {one: whole.read(one) for one in whole.namelist()}
     assert name in files
@@ -240,10 +276,10 @@ def test_a_policy_from_elsewhere_runs_nothing(tmp_path):
     data = {"policy_class": {":type:": "str", ":serialized:": base64.b64encode(pickled).decode()}}
     spoiled(tmp_path, "data", json.dumps(data))
     (light, _) = optimizer.recommend()
-    assert SavedPolicy.of(files[0].parent).design("light") == light.values
+    assert SavedPolicy.load(files[0].parent).design("light") == light.values
     spoiled(tmp_path, "policy.pth", pickled)
     with pytest.raises(UserError, match="is damaged"):
-        SavedPolicy.of(tmp_path)
+        SavedPolicy.load(tmp_path)
     assert not (tmp_path / "harm").exists()
 
 
@@ -253,7 +289,7 @@ def test_a_damaged_policy_says_so(tmp_path):
     for wrong in ("{", json.dumps({**meaning, "variables": meaning["variables"][:1]}), "{}"):
         (tmp_path / "policy.json").write_text(wrong)
         with pytest.raises(UserError, match=r"the policy in '.*' is damaged \(.+\); run the search again"):
-            SavedPolicy.of(tmp_path)
+            SavedPolicy.load(tmp_path)
 
 
 def scalars(folder):
@@ -265,7 +301,7 @@ def scalars(folder):
 
 
 def test_tensorboard_reads_every_update(tmp_path):
-    """The mean rewards are those of the batches; a log that grew while it learned says the same."""
+    """The mean rewards are those of the batches; a log that grew while it learned has the same."""
     optimizer = started(tensorboard=str(tmp_path / "live"))
     means = []
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""Engines, laws and chains with known answers."""
+"""Engines, laws and chains with known results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ needs_pybullet = pytest.mark.skipif(
 
 
 def study(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
-    """τ = k_n p + (m_a p + b_a) u − (m_e u|u|/2 + b_e u), the odd form of docs/conventions.md."""
+    """Return τ = k_n p + (m_a p + b_a) u − (m_e u|u|/2 + b_e u), the odd form of docs/conventions.md."""
     slope = c[1] * p + c[2]
     tau[0] = c[0] * p + slope * u[0] - (c[3] * u[0] * abs(u[0]) / 2 + c[4] * u[0])
     dtau_dp[0] = c[0] + c[1] * u[0]
@@ -38,7 +38,7 @@ def study(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Arr
 
 
 def spatial(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
-    """τ = p g − K u − c (u·u) u with a full symmetric K: pressure bends and twists."""
+    """Return τ = p g − K u − c (u·u) u with a full symmetric K: pressure bends and twists."""
     square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
     for a in range(3):
         tau[a] = p * c[a] - c[12] * square * u[a]
@@ -50,7 +50,7 @@ def spatial(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: A
 
 
 def growing(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
-    """τ = −∂Π/∂u, Π = ½ uᵀKu + ½ c e θ² + ¼ d θ⁴ − p g·u with u = (φ, e), θ = |φ|: what is longer bends less easily."""
+    """Return τ = −∂Π/∂u, Π = ½ uᵀKu + ½ c e θ² + ¼ d θ⁴ − p g·u with u = (φ, e), θ = |φ|, stiffer if longer."""
     square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
     for a in range(4):
         tau[a] = p * c[a]
@@ -69,14 +69,14 @@ def growing(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: A
 
 
 def stretch(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
-    """τ = a p − k u − c u³ in newtons and metres."""
+    """Return τ = a p − k u − c u³ in newtons and metres."""
     tau[0] = c[0] * p - c[1] * u[0] - c[2] * u[0] ** 3
     dtau_dp[0] = c[0]
     dtau_du[0, 0] = -c[1] - 3 * c[2] * u[0] ** 2
 
 
 class RowWise(JointLaw):
-    """A law by its scalar function; one that is not `compiled` hides it, so that engines take their Python paths."""
+    """A law by its scalar function; one that is not `compiled` hides it, so that engines use their Python paths."""
 
     actuation_name = "pressure_pa"
     axes: tuple[str, ...] = ("y",)
@@ -170,7 +170,7 @@ SCALAR = {
 def finger(
     law: JointLaw, n: int = 8, module_kg: float = 0.0, com_offset_m: float = 0.0, **changes: object
 ) -> ChainModel:
-    """Equal modules hanging down; their centre of mass lies `com_offset_m` beside the hinge line."""
+    """Return equal modules hanging down, with their centre of mass at `com_offset_m` from the hinge line."""
     length = MODULE_LENGTH_M
     along = np.array([1.0, 0.0, 0.0])
 
@@ -192,7 +192,7 @@ def finger(
 
 
 def random_chain(seed: int = 0, n: int = 6) -> ChainModel:
-    """A spherical chain turned and offset in all directions."""
+    """Return a spherical chain turned and offset in all directions."""
     random = np.random.default_rng(seed)
 
     def body() -> MassProperties:
@@ -214,7 +214,7 @@ def random_chain(seed: int = 0, n: int = 6) -> ChainModel:
 
 
 def settle(engine: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> Equilibrium:
-    """What a new simulation of this chain settles to."""
+    """Return the settled state of a new simulation of this chain."""
     with engine.build(chain) as simulation:
         simulation.apply(inputs)
         return simulation.settle()
@@ -249,8 +249,8 @@ def study_law() -> type[StudyLaw]:
 
 
 @pytest.fixture
-def finger_of() -> Callable[..., ChainModel]:
-    """A finger by kind of joint and number of modules."""
+def make_finger() -> Callable[..., ChainModel]:
+    """Return a finger by kind of joint and number of modules."""
     laws = {
         "revolute": StudyLaw,
         "spherical": SpatialLaw,
@@ -262,19 +262,19 @@ def finger_of() -> Callable[..., ChainModel]:
 
 @pytest.fixture
 def massless_finger() -> ChainModel:
-    """The chain of the worked number: no masses, no gravity."""
+    """Return the chain of the worked number: no masses, no gravity."""
     return finger(StudyLaw(), gravity_m_s2=np.zeros(3))
 
 
 @pytest.fixture
 def loaded_finger() -> ChainModel:
-    """Modules of 1.6 g whose centre of mass is 10 mm off the hinge line, 13 g at the tip."""
+    """Return modules of 1.6 g whose centre of mass is 10 mm off the hinge line, 13 g at the tip."""
     return finger(StudyLaw(), module_kg=0.0016, com_offset_m=0.01, payload_kg=0.013)
 
 
 @pytest.fixture(params=["loaded_finger", "random_chain", "spatial_finger", "stretcher"])
 def heavy_chain(request: pytest.FixtureRequest, loaded_finger: ChainModel) -> ChainModel:
-    """Chains of every kind of joint, with own weight and payload."""
+    """Return chains of every kind of joint, with own weight and payload."""
     return {
         "loaded_finger": loaded_finger,
         "random_chain": random_chain(),

@@ -16,14 +16,14 @@ WEIGHTS_N = 9.81 * np.array([0.0, 0.01, 0.02, 0.05])
 
 
 def random_law(random: np.random.Generator) -> JointLaw:
-    """Laws around the worked number of docs/conventions.md, which soften as pressure rises."""
+    """Return a law around the worked number of docs/conventions.md, which softens as pressure rises."""
     kind = random.choice(["revolute", "spherical", "prismatic"], p=[0.4, 0.5, 0.1])
     if kind == "prismatic":
         return ScalarStretch()
     factor = random.uniform(0.7, 1.4, 5)
     if kind == "revolute":
         k_n, m_a, m_e, b_e = factor[:4] * [1.637e-6, -1.704e-6, 0.1012, 0.0245]
-        # Positive stiffness without pressure or angle; the rest it takes from m_e.
+        # Positive stiffness at zero pressure and angle; m_e supplies the rest.
         return ScalarStudy(k_n, m_a, 0.0, m_e, max(b_e, 0.9 * abs(m_a) * 15e3))
     stiffness = np.diag(factor[:3] * [0.03, 0.0245, 0.06])
     stiffness[0, 1] = stiffness[1, 0] = 0.002 * random.uniform(-1.0, 1.0)
@@ -32,7 +32,7 @@ def random_law(random: np.random.Generator) -> JointLaw:
 
 
 def random_case(random: np.random.Generator) -> Case:
-    """One design under one set of loads."""
+    """Return one design under one set of loads."""
     n, law = int(random.integers(4, 41)), random_law(random)
     length, mass = random.uniform(0.008, 0.014), random.uniform(0.8e-3, 2.5e-3)
     along = np.array([1.0, 0.0, 0.0])
@@ -64,6 +64,6 @@ def random_case(random: np.random.Generator) -> Case:
 
 
 def random_cases(count: int, seed: int = 0) -> list[Case]:
-    """`count` designs from one seed."""
+    """Return `count` designs from one seed."""
     random = np.random.default_rng(seed)
     return [random_case(random) for _ in range(count)]

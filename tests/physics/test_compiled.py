@@ -1,4 +1,4 @@
-"""Compiled laws and statics are those of `pliant.mechanics`: efforts, residual, stiffness, potential; errors."""
+"""Compiled laws and statics equal those of `pliant.mechanics`: efforts, residual, stiffness, potential; errors."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ PRESSURES = {"pressure_1_pa": 12e3, "pressure_2_pa": 5e3}
 
 
 def acting(actuators: tuple[Actuator, ...], kind: str) -> tuple[Actuator, ...]:
-    """The actuators with signs that a compiled chain of this kind takes."""
+    """Return the actuators with signs that a compiled chain of this kind takes."""
     return tuple(replace(a, sign=1.0) for a in actuators) if kind == "extensible" else actuators
 
 
 def two_laws(kind: str, n: int = 5) -> ChainModel:
-    """Opposed actuators on a chain whose joints have two laws in turn; on extensible ones both have the same sign."""
+    """Return opposed actuators on a chain whose joints have two laws in turn; with the same sign on extensible ones."""
     chain = finger(SCALAR[kind](), n, actuators=acting(TWO, kind))
     joints = tuple(type(j)(k % 2, j.offset_m, j.rest_rotation) for k, j in enumerate(chain.joints))
     other = ScalarStudy(b_e=0.04) if kind == "revolute" else SCALAR[kind]()
@@ -47,9 +47,9 @@ def two_laws(kind: str, n: int = 5) -> ChainModel:
 
 
 @pytest.mark.parametrize("kind", SCALAR)
-def test_efforts_are_those_of_the_laws(kind: str) -> None:
+def test_efforts_equal_the_laws(kind: str) -> None:
     chain = two_laws(kind)
-    laws = CompiledLaws.of(chain)
+    laws = CompiledLaws.from_chain(chain)
     assert laws is not None
     n, a = chain.n_joints, len(chain.axes)
     q = np.random.default_rng(1).normal(size=(n, a)) * (0.003 if kind == "prismatic" else 0.6)
@@ -67,7 +67,7 @@ def test_efforts_are_those_of_the_laws(kind: str) -> None:
 
 
 def test_a_law_without_scalar_form_has_no_compiled_one() -> None:
-    assert CompiledLaws.of(finger(StudyLaw())) is None
+    assert CompiledLaws.from_chain(finger(StudyLaw())) is None
 
 
 def not_scalar(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
@@ -78,7 +78,7 @@ def test_a_law_that_cannot_be_compiled_is_a_sentence() -> None:
     broken = ScalarStudy()
     broken.form = ScalarLaw(not_scalar, np.zeros(1))
     with pytest.raises(UserError, match=r"the law 'not_scalar' cannot be compiled"):
-        CompiledLaws.of(finger(broken))
+        CompiledLaws.from_chain(finger(broken))
 
 
 def test_machine_code_older_than_the_room_is_discarded() -> None:
@@ -92,9 +92,9 @@ def test_machine_code_older_than_the_room_is_discarded() -> None:
     assert kept == [False, True]
 
 
-def test_joints_of_one_law_share_its_parameters() -> None:
+def test_joints_with_one_law_share_its_parameters() -> None:
     law = ScalarStudy()
-    laws = CompiledLaws.of(finger(law, 30))
+    laws = CompiledLaws.from_chain(finger(law, 30))
     assert laws is not None
     np.testing.assert_array_equal(laws.parameters, law.form.parameters)
     assert (laws.spans == [0, 5]).all()
@@ -103,7 +103,7 @@ def test_joints_of_one_law_share_its_parameters() -> None:
 
 
 def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
-    """A chain turned in all directions under every kind of load, and joint coordinates."""
+    """Return a chain turned in all directions under every kind of load, and joint coordinates."""
     random = np.random.default_rng(seed)
     two = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -0.7))
     chain = random_chain(seed, n=7).with_(laws=(SCALAR[kind](),), actuators=acting(two, kind))
@@ -118,7 +118,7 @@ def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
         tuple(PointForce(body, place(), random.normal(size=3) * 0.1) for body in (0, 3, 7)),
         tuple(Cord(body, place(), random.normal(size=3), 0.3) for body in (0, 5)),
     )
-    # Closed forms and series of rotations, and where one takes over from the other.
+    # Closed forms and series of rotations, and the transition between both.
     size = 0.003 if kind == "prismatic" else (0.9, 0.2, 0.06, 1e-9)[seed]
     q = random.normal(size=(7, len(chain.axes))) * size
     if kind == "extensible":
@@ -130,9 +130,13 @@ def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
 @pytest.mark.parametrize("kind", SCALAR)
 def test_residual_stiffness_and_potential(kind: str, seed: int) -> None:
     chain, inputs, q = loaded(kind, seed)
-    loads, statics, laws = Loads.of(chain, inputs), ChainStatics(chain), CompiledLaws.of(chain)
+    loads, statics, laws = (
+        Loads.from_inputs(chain, inputs),
+        ChainStatics(chain),
+        CompiledLaws.from_chain(chain),
+    )
     assert laws is not None
-    body = tuple(Body.of(chain))
+    body = tuple(Body.from_chain(chain))
     arrays = load_arrays(loads, np.array([9e3, 4e3]), chain.payload_kg)
     frame = new_frame(*q.shape, 2)
     size, norm = balance(body, laws.arrays, arrays, q, frame)
@@ -152,8 +156,8 @@ def test_residual_stiffness_and_potential(kind: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("n, a, rank", [(1, 1, 3), (9, 1, 3), (40, 1, 6), (1, 3, 3), (22, 3, 3), (22, 3, 9)])
-def test_factors_of_a_stiffness_in_parts(n: int, a: int, rank: int) -> None:
-    """Solutions are those of the dense matrix; positive is what its eigenvalues say."""
+def test_stiffness_factors_in_parts(n: int, a: int, rank: int) -> None:
+    """Solutions are those of the dense matrix; positive agrees with its eigenvalues."""
     random = np.random.default_rng(n)
     parts, stiffness = new_factor(n, a, rank), np.zeros((n * a, n * a))
     parts[0][:], parts[1][:] = random.normal(size=(2, n, a, rank))

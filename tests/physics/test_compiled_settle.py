@@ -1,4 +1,4 @@
-"""Settling in compiled code: the answers of the Python path, large chains, a thousand designs from a cold start."""
+"""Settling in compiled code: results of the Python path, large chains, a thousand designs from a cold start."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def chains() -> dict[str, ChainModel]:
 
 
 @pytest.mark.parametrize("name", chains())
-def test_the_answer_is_that_of_the_python_path(name: str) -> None:
+def test_the_answer_equals_the_python_path(name: str) -> None:
     chain = chains()[name]
     inputs = Inputs(
         {"pressure_pa": 12e3},
@@ -47,7 +47,7 @@ def test_the_answer_is_that_of_the_python_path(name: str) -> None:
     assert fast.converged and fast.stable and plain.converged
     np.testing.assert_allclose(fast.joint_angles, plain.joint_angles, atol=1e-8)
     np.testing.assert_allclose(fast.markers_m, plain.markers_m, atol=1e-9)
-    residual = ChainStatics(chain).residual(fast.joint_angles, Loads.of(chain, inputs))
+    residual = ChainStatics(chain).residual(fast.joint_angles, Loads.from_inputs(chain, inputs))
     assert np.abs(residual).max() == pytest.approx(fast.residual, abs=1e-15)
     assert fast.residual <= TOLERANCE
     markers = ChainStatics(chain).geometry.markers(fast.joint_angles)
@@ -61,7 +61,7 @@ def test_the_answer_is_that_of_the_python_path(name: str) -> None:
 def test_leaving_the_domain_is_told_as_by_the_python_path(
     highest_pa: float, widest_rad: float, left: set[str]
 ) -> None:
-    """Also where every joint leaves the box of one variable alone."""
+    """Also if every joint leaves the box in one variable only."""
     box = Domain(np.array([0.0, highest_pa]), np.array([[-widest_rad, widest_rad]]))
     chain = finger(ScalarStudy(domain=box), 4, gravity_m_s2=np.zeros(3))
     fast, plain = both_ways(chain, Inputs({"pressure_pa": 12e3}))
@@ -84,7 +84,7 @@ def test_a_law_that_runs_away_is_an_honest_failure() -> None:
 
 
 def test_a_saddle_is_left() -> None:
-    """Upright under a load beyond buckling: in balance at once, and not stable."""
+    """The chain is upright under a load beyond buckling: in balance at once, and unstable."""
     turned = default_base_rotation() @ np.diag([-1.0, 1.0, -1.0])
     for law in (ScalarStudy(), ScalarSpatial()):
         chain = finger(law, gravity_m_s2=np.zeros(3), base_rotation=turned)
@@ -94,7 +94,7 @@ def test_a_saddle_is_left() -> None:
 
 
 def test_a_cord_that_reaches_its_pulley_is_an_honest_failure() -> None:
-    """It has no direction there: the residual cannot vanish, and the chain ends where the cord is short."""
+    """The cord has no direction there: the residual cannot vanish, and the chain ends where the cord is short."""
     chain = finger(ScalarSpatial(), 12, 0.0016)
     pulley = np.array([0.05, 0.0, -0.08])
     cord = Cord(12, chain.tip_offset_m, pulley, 2.0)
@@ -129,7 +129,7 @@ def test_a_law_without_an_energy_converges_quadratically_too() -> None:
 
 
 def test_large_chains() -> None:
-    """256 modules: 256 and 768 coordinates."""
+    """256 modules have 256 and 768 coordinates."""
     for law in (ScalarStudy(), ScalarSpatial()):
         chain = finger(law, 256, 1e-6)
         end = settle(BACKEND, chain, Inputs({"pressure_pa": 1e3}))
@@ -137,7 +137,7 @@ def test_large_chains() -> None:
 
 
 def test_one_compiled_form_serves_all_chains() -> None:
-    """Another type of argument would be another twenty seconds of compiling."""
+    """Another type of argument would take another twenty seconds of compiling."""
     for chain in chains().values():
         odd = np.asfortranarray(chain.base_rotation)
         odd.setflags(write=False)
@@ -156,8 +156,10 @@ def test_random_designs_settle_from_a_cold_start(count: int) -> None:
 
 
 def _confirm(cases: list[Case], found: tuple[Equilibrium, ...]) -> None:
-    """Statics in Python agree that these are stable equilibria."""
+    """Check in Python that these are stable equilibria."""
     for case, end in zip(cases, found, strict=True):
-        balance = ChainStatics(case.chain).balance(end.joint_angles, Loads.of(case.chain, case.inputs))
+        balance = ChainStatics(case.chain).balance(
+            end.joint_angles, Loads.from_inputs(case.chain, case.inputs)
+        )
         assert np.abs(balance.residual).max() <= 1.01 * TOLERANCE
         assert np.linalg.eigvalsh(balance.stiffness)[0] > 0.0

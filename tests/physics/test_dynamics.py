@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from tests.physics.conftest import StudyLaw, finger, settle
 
-from pliant.interfaces.physics import PhysicsBackend, SimulationState
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
@@ -58,7 +59,7 @@ def test_advance_is_a_step_in_time_and_settles_where_it_takes_for_ever(
 
 
 def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBackend) -> None:
-    """10 ms of free motion at small steps: PyBullet follows MuJoCo within 1 % of the distance moved."""
+    """PyBullet follows MuJoCo over 10 ms of free motion at small steps within 1 % of the distance moved."""
     step, damping = 2e-5, 1e-5
     fine: PhysicsBackend = Mujoco(MujocoConfig(timestep_s=step, joint_damping=damping, drag_1_s=0.0))
     other: PhysicsBackend = (
@@ -107,7 +108,9 @@ def test_a_settling_that_is_cut_short_reports_the_state_it_leaves(
     settled = settle(type(dynamic_engine)(config), loaded_finger, inputs)
     assert not settled.converged and not settled.stable
     assert settled.iterations == steps
-    left = ChainStatics(loaded_finger).residual(settled.joint_angles, Loads.of(loaded_finger, inputs))
+    left = ChainStatics(loaded_finger).residual(
+        settled.joint_angles, Loads.from_inputs(loaded_finger, inputs)
+    )
     assert settled.residual == pytest.approx(np.abs(left).max(), rel=1e-9)
 
 
@@ -144,7 +147,7 @@ def test_motion_that_mujoco_calls_unstable_is_a_warning(
 
 @pytest.mark.parametrize("timestep_s", [1e-3, 2.5e-4])
 def test_mujoco_damps_an_oscillation_as_its_config_says(timestep_s: float, loaded_finger: ChainModel) -> None:
-    """One joint of stiffness k under no weight: amplitude ∝ exp(−ω² h t / 2)."""
+    """One joint of stiffness k without weight: amplitude ∝ exp(−ω² h t / 2)."""
     one = loaded_finger.with_(
         joints=loaded_finger.joints[:1],
         bodies=(loaded_finger.bodies[0], loaded_finger.bodies[-1]),

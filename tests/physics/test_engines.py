@@ -1,4 +1,4 @@
-"""What engines have in common: equilibria, documents that they read, sizes; Newton where there is no equilibrium."""
+"""Common properties of engines: equilibria, documents that they read, sizes; Newton without an equilibrium."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from scipy.optimize import brentq
 from tests.physics.conftest import settle
 
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.physics import PhysicsBackend, SimulationState
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
@@ -33,7 +34,7 @@ AGREEMENT_M = 1e-6
 def test_weights_and_payload(
     engine: PhysicsBackend, quasistatic: PhysicsBackend, heavy_chain: ChainModel
 ) -> None:
-    """All kinds of joints, own weight and 13 g: every engine within 1 µm of the quasi-static one."""
+    """For all kinds of joints with own weight and 13 g every engine is within 1 µm of the quasi-static one."""
     inputs = Inputs({"pressure_pa": 12e3}, tip_force_n=np.array([0.02, 0.01, -0.03]))
     end, wanted = (settle(backend, heavy_chain, inputs) for backend in (engine, quasistatic))
     assert end.converged and end.residual <= 1e-8
@@ -44,7 +45,7 @@ def test_weights_and_payload(
 def test_large_force_on_a_chain_without_mass(
     engine: PhysicsBackend, quasistatic: PhysicsBackend, massless_finger: ChainModel
 ) -> None:
-    """Stiffening by a load that no inertia accompanies: relaxation must not overshoot."""
+    """The load stiffens the chain but adds no inertia: relaxation must not overshoot."""
     inputs = Inputs({"pressure_pa": 15e3}, tip_force_n=np.array([0.5, 0.0, -1.0]))
     tips = [settle(backend, massless_finger, inputs).tip_m for backend in (engine, quasistatic)]
     np.testing.assert_allclose(tips[0], tips[1], atol=AGREEMENT_M)
@@ -59,7 +60,7 @@ def test_a_floor_on_inertia_weighs_nothing(engine: PhysicsBackend, massless_fing
 
 
 def test_settle_leaves_an_unstable_equilibrium(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
-    """A chain that stands upright under a load beyond buckling is in balance, but must not stay there."""
+    """An upright chain under a load beyond buckling is in balance, but must not stay there."""
     upright = massless_finger.with_(base_rotation=massless_finger.base_rotation @ np.diag([-1.0, 1.0, -1.0]))
     end = settle(engine, upright, Inputs({"pressure_pa": 0.0}, tip_force_n=np.array([0.0, 0.0, -1.0])))
     assert end.converged and end.stable
@@ -84,7 +85,7 @@ def test_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> None:
 
 
 def test_mujoco_has_the_same_mass_matrix(heavy_chain: ChainModel) -> None:
-    """Masses, inertias, offsets and payload arrive in MuJoCo as they were given."""
+    """Masses, inertias, offsets and payload arrive in MuJoCo as given."""
     model = mujoco.MjModel.from_xml_string(chain_mjcf(heavy_chain))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -102,20 +103,22 @@ def test_pybullet_missing_is_one_sentence(
         Pybullet(PybulletConfig()).build(massless_finger)
 
 
-def test_the_longest_chain_of_every_kind(
-    dynamic_engine: PhysicsBackend, finger_of: Callable[..., ChainModel]
+def test_the_longest_chain_in_every_kind(
+    dynamic_engine: PhysicsBackend, make_finger: Callable[..., ChainModel]
 ) -> None:
     """The last joint of a long chain moves; PyBullet refuses longer ones instead of losing joints."""
     for kind, most in (("revolute", 121), ("spherical", 30), ("prismatic", 121)):
-        chain = finger_of(kind, most)
+        chain = make_finger(kind, most)
         q = np.full((most, len(chain.axes)), 1e-3)
         with dynamic_engine.build(chain) as simulation:
             simulation.restore(SimulationState(0.0, q, 2 * q))
             state = simulation.snapshot()
             np.testing.assert_allclose(state.position, q, atol=1e-12)
             np.testing.assert_allclose(state.velocity, 2 * q, atol=1e-12)
-            np.testing.assert_allclose(simulation.markers(), ChainGeometry.of(chain).markers(q), atol=1e-6)
-        longer = finger_of(kind, most + 1)
+            np.testing.assert_allclose(
+                simulation.markers(), ChainGeometry.from_chain(chain).markers(q), atol=1e-6
+            )
+        longer = make_finger(kind, most + 1)
         if isinstance(dynamic_engine, Pybullet):
             with pytest.raises(UserError, match=f"at most {most} {kind} joints and the chain has {most + 1}"):
                 dynamic_engine.build(longer)
@@ -127,7 +130,7 @@ LawType = Callable[..., JointLaw]
 
 
 def pendulum(law: JointLaw, payload_kg: float = 0.0, base_rotation: np.ndarray | None = None) -> ChainModel:
-    """One joint with 50 mm to the tip."""
+    """Return one joint with 50 mm to the tip."""
     return ChainModel(
         joints=(Joint(0, np.zeros(3), np.eye(3)),),
         bodies=(MassProperties.none(), MassProperties.none()),
@@ -154,18 +157,18 @@ def test_buckled_pendulum_is_a_minimum(quasistatic: PhysicsBackend, study_law: L
 def test_residual_is_below_the_tolerance_on_hard_cases(
     quasistatic: PhysicsBackend, heavy_chain: ChainModel
 ) -> None:
-    """Loads up to forty times the design load, applied at once."""
+    """Loads up to forty times the design load are applied at once."""
     for payload in (0.0, 0.1, 0.5):
         settled = settle(quasistatic, heavy_chain.with_(payload_kg=payload), Inputs({"pressure_pa": 15e3}))
         assert settled.converged and settled.stable
         assert settled.residual <= 1e-9
         statics = ChainStatics(heavy_chain.with_(payload_kg=payload))
-        loads = Loads.of(heavy_chain, Inputs({"pressure_pa": 15e3}))
+        loads = Loads.from_inputs(heavy_chain, Inputs({"pressure_pa": 15e3}))
         assert np.abs(statics.residual(settled.joint_angles, loads)).max() == settled.residual
 
 
 def test_path_independence(quasistatic: PhysicsBackend, heavy_chain: ChainModel) -> None:
-    """At once or in ten levels: the same equilibrium."""
+    """Loads applied at once or in ten levels give the same equilibrium."""
     tips = []
     for levels in (1, 10):
         with quasistatic.build(heavy_chain) as simulation:

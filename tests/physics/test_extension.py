@@ -1,4 +1,4 @@
-"""Chains that turn and extend in MuJoCo: equilibria of the quasi-static engine, inertia, and who does not know them."""
+"""Chains that turn and extend in MuJoCo: equilibria of the quasi-static engine, inertia, and engines without them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from tests.physics.conftest import ENGINES, GrowingLaw, ScalarGrowing, finger, settle
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SimulationState
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
@@ -31,7 +31,7 @@ INPUTS = Inputs(
 
 @pytest.mark.parametrize("law", [ScalarGrowing, GrowingLaw])
 def test_mujoco_settles_where_the_statics_says(law: type[JointLaw]) -> None:
-    """Laws compiled or not: the same place to 1 µm, with joints that have all turned, twisted and grown."""
+    """With laws compiled or not the pose agrees to 1 µm, with joints that have all turned, twisted and extended."""
     chain = finger(law(), 4, 0.0016, 0.01, payload_kg=0.013)
     end, wanted = (settle(ENGINES[name](), chain, INPUTS) for name in ("mujoco", "quasistatic"))
     assert end.converged and wanted.converged
@@ -50,15 +50,17 @@ def test_mujoco_has_the_same_inertia_on_joints_that_have_grown() -> None:
         mujoco.mj_forward(model, data)
         theirs = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, theirs)
-        np.testing.assert_allclose(simulation.markers(), ChainGeometry.of(chain).markers(q), atol=1e-12)
+        np.testing.assert_allclose(
+            simulation.markers(), ChainGeometry.from_chain(chain).markers(q), atol=1e-12
+        )
     np.testing.assert_allclose(theirs, mass_matrix(chain, q), rtol=1e-6, atol=1e-11)
 
 
 def test_energy_is_kept_while_a_chain_swings_bends_and_grows() -> None:
-    """What is lost falls in proportion to the step: by Richardson's extrapolation nothing without steps."""
+    """The loss is proportional to the step: Richardson's extrapolation to zero steps gives no loss."""
     chain = finger(ScalarGrowing(), 2, 0.0016, 0.01, payload_kg=0.05)
     inputs, none = Inputs({"pressure_pa": 9e3}), {"joint_damping": 0.0, "drag_1_s": 0.0}
-    statics, loads = ChainStatics(chain), Loads.of(chain, inputs)
+    statics, loads = ChainStatics(chain), Loads.from_inputs(chain, inputs)
     losses = []
     for step_s in (1e-6, 5e-7):
         engine = Mujoco(MujocoConfig(timestep_s=step_s, **none))

@@ -1,4 +1,4 @@
-"""Histories in the compiled loop: equal to plain stepping, with true derivatives, honest where it fails."""
+"""Histories in the compiled loop: equal to plain stepping, with correct derivatives, and with reported failures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from tests.diagnosis.quick import BENCH, ENGINE, MORE_VALUES, REGISTRY, VALUES, P, effect
 
 from pliant.diagnosis.candidates import candidate_kinds
-from pliant.diagnosis.diagnosis import of_the_bench
+from pliant.diagnosis.diagnosis import is_record_mistake
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
 from pliant.interfaces.physics import Variation
@@ -26,19 +26,19 @@ from pliant_plugins.physics.stepping import step_through
 
 STRENGTHS = {**VALUES, **MORE_VALUES}
 KINDS = tuple(STRENGTHS)
-# They change what is read, and no joint.
+# They change readings and no joint.
 READ_ONLY = ("sensor_bias", "sensor_scale", "sensor_lag", "backlash", "link_stretch")
-# Made for chains that a tendon pulls, and tested with them.
-ELSEWHERE = {"tendon_friction"}
+# Made for chains driven by a tendon or by several inputs, and tested with them.
+ELSEWHERE = {"tendon_friction", "tendon_slack", "unequal_actuators"}
 
 
 def history(run: str = "a", **changes: object) -> History:
-    """Up, down and up with loads that change on the way."""
+    """Return a history up, down and up with loads that change on the way."""
     t = 0.25 * np.arange(41)
     p = np.interp(t, [0.0, 3.0, 5.0, 10.0], [1e3, P, 2e3, 0.8 * P])
     force = 0.01 * np.stack([np.sin(t), 0.3 * np.cos(t), 0.5 * np.sin(0.7 * t)], axis=1)
     loads = {"tip_force_n": force, "moment_n_m": 1e-3 * np.sin(0.9 * t)}
-    return History.of({"pressure_pa": p}, t, run=run, temperature_c=30.0, **loads).with_(**changes)
+    return History.from_arrays({"pressure_pa": p}, t, run=run, temperature_c=30.0, **loads).with_(**changes)
 
 
 def with_effects(chain: ChainModel, *kinds: str) -> Model:
@@ -62,7 +62,7 @@ def agree(chain: ChainModel, histories: list[History], atol: float = 3e-8) -> li
 
 
 @pytest.mark.parametrize("modules", [1, 3, 8])
-def test_loads_payload_and_pose_are_those_of_plain_stepping(modules: int) -> None:
+def test_loads_payload_and_pose_equal_plain_stepping(modules: int) -> None:
     chain = sample_chain(modules=modules, turns_rad=(0.0, 0.9), payload=0.004)
     tilted = history("tilted", base_angles_rad=np.tile([0.3, -0.5, 0.8], (41, 1)))
     hung = history("hung", payload_kg=np.full(41, 0.01))
@@ -81,7 +81,7 @@ def test_a_base_that_turns_and_a_payload_that_grows_are_followed_sample_by_sampl
         np.testing.assert_allclose(path[0].joint_angles[k], there[0].joint_angles[k], atol=1e-8)
 
 
-def test_opposed_actuators_and_segments_of_several_laws() -> None:
+def test_opposed_actuators_and_segments_with_several_laws() -> None:
     chain = sample_chain(modules=3, turns_rad=(0.0, 0.5), payload=0.004)
     joints = tuple(dataclasses.replace(j, law=k % 2) for k, j in enumerate(chain.joints))
     chain = chain.with_(
@@ -95,8 +95,8 @@ def test_opposed_actuators_and_segments_of_several_laws() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_effect_is_that_of_plain_stepping(kind: str) -> None:
-    """Also the damage that the second run of a specimen finds, and that of another specimen does not."""
+def test_every_effect_equals_plain_stepping(kind: str) -> None:
+    """Includes the damage that the second run of a specimen has, and that another specimen does not have."""
     model = with_effects(sample_chain(modules=2, payload=0.004), kind)
     again = history("again", specimen="one", tip_force_n=0.4 * history().tip_force_n)
     runs = [history(specimen="one"), again, again.with_(run="other", specimen="two")]
@@ -104,7 +104,7 @@ def test_every_effect_is_that_of_plain_stepping(kind: str) -> None:
 
 
 def test_a_long_chain_that_curls_and_snaps_is_followed() -> None:
-    """22 joints turned level: the residual must grow on the way, which plain Newton steps refuse."""
+    """22 joints are turned level: the residual must grow on the way, which plain Newton steps refuse."""
     chain = sample_chain(modules=22, payload=0.03)
     level, none = np.tile([0.0, np.pi / 2, 0.0], (41, 1)), np.zeros((41, 3))
     agree(chain, [history(base_angles_rad=level, tip_force_n=none, moment_n_m=none[:, 0])])
@@ -114,9 +114,9 @@ def test_a_long_chain_that_curls_and_snaps_is_followed() -> None:
 
 
 def creep_error(kind: str, longest_step_s: float) -> float:
-    """Error after 8 s of a ramp that is one sample long, against steps of 2 ms."""
+    """Return the error after 8 s of a ramp that is one sample long, against steps of 2 ms."""
     chain = with_effects(sample_chain(linear_law(), modules=1, gravity=(0, 0, 0)), kind).chain
-    run = History.of({"pressure_pa": np.array([0.0, P])}, np.array([0.0, 8.0]))
+    run = History.from_arrays({"pressure_pa": np.array([0.0, P])}, np.array([0.0, 8.0]))
 
     def end(step: float) -> float:
         paths, _ = Quasistatic(QuasistaticConfig(longest_step_s=step)).follow(chain, [run])
@@ -141,7 +141,7 @@ def test_long_samples_are_cut_and_converge(kind: str) -> None:
 def differences(
     make: object, at: float, step: float, small: float, engine: Quasistatic = ENGINE
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """(engine's derivative, central difference of whole runs) of each history; `make(x)` is a Variation."""
+    """Return (engine's derivative, central difference of whole runs) of each history; `make(x)` is a Variation."""
     base, there = make(at), make(at + small)  # type: ignore[operator]
     _, (change,) = engine.follow(base.chain, base.histories, [there])
     up, _ = engine.follow(*(make(at + step).chain, make(at + step).histories))  # type: ignore[operator]
@@ -164,10 +164,10 @@ DRIVES = {
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_derivatives_by_what_drives_the_chain(name: str) -> None:
-    def of_gravity(x: float) -> ChainModel:
+    def scaled_gravity(x: float) -> ChainModel:
         return BASE.with_(gravity_m_s2=x * BASE.gravity_m_s2) if name == "gravity" else BASE
 
-    got, wanted = differences(lambda x: Variation(of_gravity(x), (DRIVES[name](x),)), 1.0, 1e-3, 1e-6)
+    got, wanted = differences(lambda x: Variation(scaled_gravity(x), (DRIVES[name](x),)), 1.0, 1e-3, 1e-6)
     np.testing.assert_allclose(got[0], wanted[0], atol=2e-5 * np.abs(wanted[0]).max())
     assert np.abs(wanted[0]).max() > 1e-4
 
@@ -181,7 +181,7 @@ def test_derivatives_by_temperature() -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in READ_ONLY])
-def test_derivatives_by_the_strength_of_an_effect_over_two_runs_of_one_specimen(kind: str) -> None:
+def test_derivatives_by_an_effect_strength_over_two_runs_on_one_specimen(kind: str) -> None:
     name, value = next(iter(STRENGTHS[kind].items()))
 
     def varied(x: float) -> Variation:
@@ -192,14 +192,14 @@ def test_derivatives_by_the_strength_of_an_effect_over_two_runs_of_one_specimen(
 
     got, wanted = differences(varied, 1.0, 1e-3, 1e-6)
     for a, b in zip(got, wanted, strict=True):
-        # At a sample where the largest angle is just reached the central difference straddles a kink.
+        # At a sample where the largest angle is just reached the central difference spans a kink.
         assert np.quantile(np.abs(a - b), 0.97) < 3e-3 * np.abs(b).max() + 1e-6
         np.testing.assert_allclose(a, b, atol=2e-2 * np.abs(b).max() + 1e-6)
     assert np.abs(wanted[1]).max() > 1e-5
 
 
-def test_derivatives_stay_bounded_in_holds_of_a_dashpot_that_thickens_with_the_rate() -> None:
-    """A change of the past that is larger than what still counts as rest must not grow from step to step."""
+def test_derivatives_stay_bounded_in_holds_with_a_dashpot_that_thickens_with_the_rate() -> None:
+    """A change of the past that is larger than the tolerance of rest must not grow from step to step."""
     t = 0.02 * np.arange(400)
     steps = np.repeat([0.0, 1.0, 0.5, 0.0], 100)
     chain = (
@@ -207,7 +207,7 @@ def test_derivatives_stay_bounded_in_holds_of_a_dashpot_that_thickens_with_the_r
     )
 
     def pushed(x: float) -> Variation:
-        return Variation(chain, (History.of({"pressure_pa": 0.5 * P * (steps + x)}, t, run="a"),))
+        return Variation(chain, (History.from_arrays({"pressure_pa": 0.5 * P * (steps + x)}, t, run="a"),))
 
     base, there = pushed(0.0), pushed(1e-3)
     _, (change,) = ENGINE.follow(base.chain, base.histories, [there])
@@ -217,7 +217,7 @@ def test_derivatives_stay_bounded_in_holds_of_a_dashpot_that_thickens_with_the_r
     np.testing.assert_allclose(change[0].joint_angles, exact, atol=0.02 * np.abs(exact).max())
 
 
-def test_derivatives_of_what_changes_the_body_follow_the_varied_chain() -> None:
+def test_derivatives_by_what_changes_the_body_follow_the_varied_chain() -> None:
     def longer(x: float) -> Variation:
         joints = tuple(dataclasses.replace(j, offset_m=x * j.offset_m) for j in BASE.joints)
         return Variation(BASE.with_(joints=joints), (history(),))
@@ -294,11 +294,11 @@ def test_a_table_is_smooth_across_cells_and_straight_outside() -> None:
     assert c - b == pytest.approx(0.5 * slope, rel=1e-9)
 
 
-# -- honesty ------------------------------------------------------------------------------------------
+# -- failures -----------------------------------------------------------------------------------------
 
 
 def runaway(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
-    """A moment beyond any spring between 9 and 11 kPa."""
+    """Return a moment beyond any spring between 9 and 11 kPa."""
     return 1e9 if 9e3 < p < 11e3 else 0.0
 
 
@@ -319,7 +319,9 @@ def steady(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
 
 
 def swept() -> History:
-    return History.of({"pressure_pa": np.array([0.0, 4e3, 8e3, 10e3, 12e3, P])}, 0.5 * np.arange(6.0))
+    return History.from_arrays(
+        {"pressure_pa": np.array([0.0, 4e3, 8e3, 10e3, 12e3, P])}, 0.5 * np.arange(6.0)
+    )
 
 
 def test_a_failed_sample_is_flagged_and_leaves_no_trace() -> None:
@@ -375,5 +377,5 @@ def test_spatial_joints_feel_the_temperature() -> None:
 
 
 def test_all_shipped_effects_are_tested_here() -> None:
-    shipped = {kind for kind in candidate_kinds(REGISTRY) if not of_the_bench(REGISTRY, kind)}
+    shipped = {kind for kind in candidate_kinds(REGISTRY) if not is_record_mistake(REGISTRY, kind)}
     assert set(KINDS) == shipped - ELSEWHERE

@@ -1,4 +1,4 @@
-"""Histories of ball, prismatic and extensible joints, compiled: those of plain stepping, with true derivatives."""
+"""Histories of ball, prismatic and extensible joints, compiled: those of plain stepping, with correct derivatives."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pliant_plugins.physics.quasistatic.histories import Follower
 from pliant_plugins.physics.stepping import step_through
 from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.axes import axes_law
-from pliant_plugins.surrogates.polynomial.study import study_law
+from pliant_plugins.surrogates.polynomial.law import study_law
 
 ENGINE = Quasistatic(QuasistaticConfig(tolerance=1e-13))
 NAMES = tuple(f"pressure_{k}_pa" for k in range(1, 5))
@@ -49,7 +49,7 @@ def stated(gain: float, stiffness: float, axis: str = "y", joint: str = "revolut
 
 @cache
 def arm(kind: str) -> ChainModel:
-    """Modules of a kind under two or more pressures; tubes that extend under one."""
+    """Return modules of a kind under two or more pressures; tubes that extend under one."""
     if kind == "turned":
         axes = {"x": stated(0.0, 0.08, "x"), "y": stated(8e-7, 0.04), "z": stated(1e-7, 0.05, "z")}
         ring = [Actuator(name, 1.0, 2 * np.pi * k / 3) for k, name in enumerate(NAMES[:3])]
@@ -69,11 +69,11 @@ def arm(kind: str) -> ChainModel:
 
 
 def history(run: str = "a", scale: float = 1.0, **changes: object) -> History:
-    """From rest: how a first sample off rest is reached is each way's own, and damage sees it."""
+    """Return a history from rest: the two methods reach a first sample off rest differently, which affects damage."""
     t = np.linspace(0.0, 6.0, 13)
     levels = {name: scale * 6e3 * (1.0 - np.cos((0.7 + 0.2 * k) * t)) for k, name in enumerate(NAMES)}
     force = 0.002 * np.stack([np.sin(t), np.sin(0.5 * t), 0.04 * t], axis=1)
-    return History.of(levels, t, run=run, specimen="A", tip_force_n=force).with_(**changes)
+    return History.from_arrays(levels, t, run=run, specimen="A", tip_force_n=force).with_(**changes)
 
 
 def with_effects(chain: ChainModel, *kinds: str, **values: float) -> ChainModel:
@@ -97,14 +97,14 @@ def agree(chain: ChainModel, runs: list[History]) -> tuple[Followed, ...]:
 
 @pytest.mark.parametrize("kinds", EFFECTS, ids=lambda kinds: "+".join(kinds) or "none")
 @pytest.mark.parametrize("kind", KINDS)
-def test_they_are_those_of_plain_stepping(kind: str, kinds: tuple[str, ...]) -> None:
+def test_they_equal_plain_stepping(kind: str, kinds: tuple[str, ...]) -> None:
     if kind == "prismatic" and BENDING & set(kinds):
         pytest.skip("tubes that extend have no such effect")
     agree(with_effects(arm(kind), *kinds), [history(), history("again", 0.7)])
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_loads_pose_and_payload_are_those_of_plain_stepping(kind: str) -> None:
+def test_loads_pose_and_payload_equal_plain_stepping(kind: str) -> None:
     still = np.tile([0.3, -0.5, 0.8], (13, 1))
     moment = np.zeros(13) if kind == "prismatic" else 1e-3 * np.sin(np.linspace(0.0, 6.0, 13))
     tilted = history("tilted", base_angles_rad=still, moment_n_m=moment)
@@ -112,7 +112,7 @@ def test_loads_pose_and_payload_are_those_of_plain_stepping(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_derivatives_by_an_input_are_differences_of_whole_runs(kind: str) -> None:
+def test_input_derivatives_are_differences_between_whole_runs(kind: str) -> None:
     # Travels of micrometres are as small as the differences by which a kinked term's slope is taken.
     kinds = ("viscoelastic",) if kind == "extensible" else ("viscoelastic", "permanent_set")
     chain = with_effects(arm(kind), *kinds)
@@ -128,7 +128,7 @@ def test_derivatives_by_an_input_are_differences_of_whole_runs(kind: str) -> Non
 
 @pytest.mark.parametrize("name", ["share", "time_s"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_derivatives_by_a_parameter_are_differences_of_whole_runs(kind: str, name: str) -> None:
+def test_parameter_derivatives_are_differences_between_whole_runs(kind: str, name: str) -> None:
     values = {"share": 0.3, "time_s": 5.0}
 
     def varied(x: float) -> ChainModel:
@@ -144,7 +144,7 @@ def test_derivatives_by_a_parameter_are_differences_of_whole_runs(kind: str, nam
 
 
 def close(found: np.ndarray, wanted: np.ndarray) -> None:
-    """Each kind of coordinate by its own size: turns and travels."""
+    """Check each kind of coordinate relative to its own size: turns and travels."""
     size = np.abs(wanted).max(axis=(0, 1))
     assert size.max() > 1e-6
     np.testing.assert_array_less(np.abs(found - wanted).max(axis=(0, 1)), 3e-3 * size + 1e-9)
@@ -167,7 +167,7 @@ def test_a_base_that_turns_is_followed_sample_by_sample() -> None:
 
 
 def test_a_chain_that_stands_on_its_head_buckles_as_in_plain_stepping() -> None:
-    """Out of the plane in which it is loaded: where Newton's method alone stays on a saddle."""
+    """It buckles out of the plane in which it is loaded, where Newton's method alone stays on a saddle."""
     inside = arm("turned").laws[0].law  # type: ignore[attr-defined]
     module, ring = rod_module(inside, 0.011, 0.0016), arm("turned").actuators
     config = ChainConfig(modules=16, payload="60 g")  # type: ignore[call-arg, arg-type]
@@ -185,6 +185,6 @@ def test_tubes_that_only_extend_take_no_moment() -> None:
 def test_a_law_that_cannot_be_compiled_is_followed_step_by_step() -> None:
     chain = sample_chain(linear_spherical_law(), modules=2)
     assert not Follower(ENGINE.config).takes(chain)
-    run = History.of({"pressure_pa": np.linspace(0.0, 1e4, 4)}, np.arange(4.0))
+    run = History.from_arrays({"pressure_pa": np.linspace(0.0, 1e4, 4)}, np.arange(4.0))
     (path,), _ = ENGINE.follow(chain, [run])
     assert path.converged.all() and np.ptp(path.joint_angles) > 0.01

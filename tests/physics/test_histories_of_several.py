@@ -1,4 +1,4 @@
-"""Histories under several pressures in the compiled loop: those of plain stepping to 1e-9 rad, true derivatives."""
+"""Histories under several pressures in the compiled loop: those of plain stepping to 1e-9 rad, correct derivatives."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EFFECTS = ((), ("viscoelastic",), ("permanent_set",), ("inter_module_compliance"
 
 
 def arm(second: str = "both") -> ChainModel:
-    """Two segments of two modules, the first under two pressures, the second under two or one of its own."""
+    """Return two segments of two modules, the first under two pressures, the second under both or a separate one."""
     laws = (several_law(), several_law(seed=1) if second == "both" else linear_law(2e-6))
     names = (FIRST, SECOND if second == "both" else SECOND[:1])
     pieces = [
@@ -39,13 +39,13 @@ def arm(second: str = "both") -> ChainModel:
 
 
 def history(run: str = "a", scale: float = 1.0) -> History:
-    """From rest: how a first sample off rest is reached is each way's own, and damage sees it."""
+    """Return a history from rest: the two methods reach a first sample off rest differently, which affects damage."""
     t = np.linspace(0.0, 8.0, 17)
     levels = {
         name: scale * 6e3 * (1.0 - np.cos((0.7 + 0.2 * k) * t)) for k, name in enumerate((*FIRST, *SECOND))
     }
     force = 0.002 * np.stack([np.sin(t), np.sin(0.5 * t), 0.04 * t], axis=1)
-    return History.of(levels, t, run=run, specimen="A", tip_force_n=force)
+    return History.from_arrays(levels, t, run=run, specimen="A", tip_force_n=force)
 
 
 def with_effects(chain: ChainModel, *kinds: str) -> ChainModel:
@@ -56,7 +56,7 @@ def with_effects(chain: ChainModel, *kinds: str) -> ChainModel:
 
 
 @pytest.mark.parametrize("kinds", EFFECTS, ids=lambda kinds: "+".join(kinds) or "none")
-def test_they_are_those_of_plain_stepping(kinds: tuple[str, ...]) -> None:
+def test_they_equal_plain_stepping(kinds: tuple[str, ...]) -> None:
     chain, runs = with_effects(arm(), *kinds), [history(), history("again", 0.7)]
     assert Follower(ENGINE.config).takes(chain)
     compiled, _ = ENGINE.follow(chain, runs)
@@ -76,7 +76,7 @@ def test_a_segment_under_two_pressures_beside_one_under_a_single_one() -> None:
     )  # a table's error
 
 
-def test_derivatives_by_one_pressure_are_differences_of_whole_runs() -> None:
+def test_derivatives_by_one_pressure_are_differences_between_whole_runs() -> None:
     chain = with_effects(arm(), "viscoelastic")
 
     def pressed(x: float) -> History:

@@ -1,4 +1,4 @@
-"""A chain on somebody else's arm: the same as on a base that stands there, and the arm gives way as statics says."""
+"""A chain on another robot's arm: the result on a fixed base at the same pose, and the arm deflects as in statics."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def settled(chain: ChainModel, pressure_pa: float = 9e3, engine: object = ENGINE
 
 
 def fixed(chain: ChainModel, place: np.ndarray, rotation: np.ndarray) -> ChainModel:
-    """The chain with its base where that of a mount's frame stands."""
+    """Return the chain with its base fixed at the pose of a mount's frame."""
     return chain.with_(
         mount=None,
         base_position_m=rotation @ chain.base_position_m + place,
@@ -64,8 +64,8 @@ def fixed(chain: ChainModel, place: np.ndarray, rotation: np.ndarray) -> ChainMo
 
 
 @pytest.fixture(params=["revolute", "spherical"])
-def chain(request, finger_of):
-    found = finger_of(request.param, 4)
+def chain(request, make_finger):
+    found = make_finger(request.param, 4)
     return found.with_(base_position_m=np.array([0.01, 0.02, 0.03]), payload_kg=0.01)
 
 
@@ -80,19 +80,20 @@ def test_on_a_welded_arm_it_stands_as_on_a_base_there(tmp_path, chain):
     assert np.allclose(found.carrier.on_mount(found.tip_m), exp_map(TURN).T @ (found.tip_m - PLACE))
 
 
-def test_a_soft_hinge_gives_as_the_balance_of_moments_says(tmp_path, chain):
+def test_a_soft_hinge_yields_as_the_moment_balance_says(tmp_path, chain):
     found = settled(chain.with_(mount=hinged(tmp_path, HINGE_STIFFNESS, "")))
     assert found.converged
-    # the chain in the pose it has come to, on a base that stands where the hinge has turned to
+    # the chain in its settled pose, on a base at the turned hinge's pose
     q, carrier = float(found.carrier.coordinates[0]), found.carrier
     placed = fixed(chain, carrier.position_m, carrier.rotation)
     again = settled(placed)
     assert np.abs(found.markers_m - again.markers_m).max() < 1e-6
-    # what the chain's weights, payload and tip force turn the hinge by
-    pose, hinge = ChainGeometry.of(placed).forward(again.joint_angles), np.array([0.0, 0.0, 0.5])
+    # the turn of the hinge by the chain's weights, payload and tip force
+    pose, hinge = ChainGeometry.from_chain(placed).forward(again.joint_angles), np.array([0.0, 0.0, 0.5])
     gravity = np.asarray(placed.gravity_m_s2)
     moment = np.cross(again.tip_m - hinge, placed.payload_kg * gravity + [0.0, 0.02, 0.01])
-    for k, body in enumerate(placed.bodies[1:], start=1):
+    assert placed.bodies[0].mass_kg > 0.0  # the piece on the base hangs on the arm, too
+    for k, body in enumerate(placed.bodies):
         centre = pose.origins[k] + pose.rotations[k] @ body.com_m
         moment = moment + np.cross(centre - hinge, body.mass_kg * gravity)
     assert -moment[1] == pytest.approx(HINGE_STIFFNESS * q, abs=1e-8)  # the link's own centre is on the hinge
@@ -105,15 +106,15 @@ def test_a_soft_hinge_gives_as_the_balance_of_moments_says(tmp_path, chain):
 def test_a_moved_joint_turns_gravity(tmp_path, chain, told, command):
     found = settled(chain.with_(mount=hinged(tmp_path, **told)))
     carrier = found.carrier
-    assert float(carrier.coordinates[0]) == pytest.approx(command, abs=5e-3)  # the servo gives a little
+    assert float(carrier.coordinates[0]) == pytest.approx(command, abs=5e-3)  # the servo deflects a little
     wanted = settled(
         fixed(chain, carrier.position_m, carrier.rotation), engine=Quasistatic(QuasistaticConfig())
     )
     assert np.abs(found.markers_m - wanted.markers_m).max() < 1e-6
 
 
-def test_in_time_both_come_to_the_rest_that_settle_finds(tmp_path, finger_of):
-    chain = finger_of("revolute", 3).with_(mount=hinged(tmp_path))
+def test_in_time_both_come_to_the_rest_that_settle_finds(tmp_path, make_finger):
+    chain = make_finger("revolute", 3).with_(mount=hinged(tmp_path))
     wanted = settled(chain)
     with ENGINE.build(chain) as simulation:
         simulation.apply(Inputs({"pressure_pa": 9e3}, np.array([0.0, 0.02, 0.01])))
@@ -142,7 +143,7 @@ def test_what_is_not_there_is_named(tmp_path, changes, word):
         ENGINE.check_mount(replace(hinged(tmp_path), **changes))
 
 
-def test_a_length_is_no_position_of_a_hinge(tmp_path):
+def test_a_length_is_no_hinge_position(tmp_path):
     written = {"file": hinged(tmp_path).file, "at": "flange", "joints": {"hinge": "20 mm"}}
     with pytest.raises(UserError, match="'hinge' is a hinge; give an angle such as '30 deg'"):
         ENGINE.check_mount(MountConfig.model_validate(written).record())
@@ -157,8 +158,8 @@ def test_a_floating_arm_and_no_mjcf_are_refused(tmp_path):
         ENGINE.check_mount(arm(tmp_path, "<arm name='a'/>"))
 
 
-def test_dry_friction_carries_nothing_at_rest(tmp_path, finger_of):
-    chain = finger_of("revolute", 3)
+def test_dry_friction_carries_nothing_at_rest(tmp_path, make_finger):
+    chain = make_finger("revolute", 3)
     smooth = settled(chain.with_(mount=hinged(tmp_path)))
     rough = hinged(tmp_path)
     rough.file.write_text(
@@ -168,8 +169,21 @@ def test_dry_friction_carries_nothing_at_rest(tmp_path, finger_of):
     assert found.converged and np.abs(found.markers_m - smooth.markers_m).max() < 1e-9
 
 
-def test_names_that_both_have_stay_apart(tmp_path, finger_of):
+def test_names_that_both_have_stay_apart(tmp_path, make_finger):
     text = WELDED.format(quat="1 0 0 0").replace('name="link"', 'name="soft_base"')
-    chain = finger_of("revolute", 2)
+    chain = make_finger("revolute", 2)
     found = settled(chain.with_(mount=arm(tmp_path, text)))
     assert np.abs(found.markers_m - settled(fixed(chain, PLACE, np.eye(3))).markers_m).max() < 1e-6
+
+
+def test_a_box_on_the_floor_a_metre_away_changes_nothing(tmp_path, make_finger):
+    box = '<body pos="1 0 0.03"><freejoint/><geom type="box" size=".03 .03 .03" mass=".1"/></body>'
+    floor = '<geom size="0 0 .05" type="plane"/>'
+    chain = make_finger("revolute", 4)
+    alone = settled(chain.with_(mount=hinged(tmp_path)))
+    text = HINGED.format(stiffness=0.0, more=SERVO.replace('qpos="', 'qpos="1 0 0.03 1 0 0 0 '))
+    beside = settled(
+        chain.with_(mount=arm(tmp_path, text.replace("<worldbody>", f"<worldbody>{floor}{box}")))
+    )
+    assert alone.converged and beside.converged
+    assert np.abs(alone.markers_m - beside.markers_m).max() < 1e-9

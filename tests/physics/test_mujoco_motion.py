@@ -1,4 +1,4 @@
-"""MuJoCo: efforts at its dofs are conservative, compiled motion is that of Python, with and without law terms."""
+"""MuJoCo: efforts at its dofs are conservative, compiled motion equals that of Python, with and without law terms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from tests.physics.conftest import SCALAR, ScalarSpatial, SpatialLaw
 
-from pliant.interfaces.physics import Run, SimulationState
+from pliant.interfaces.physics import Run
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.rotations import right_jacobian
 from pliant.mechanics.statics import ChainStatics, Loads
@@ -25,17 +26,17 @@ from pliant_plugins.physics.stepping import step_through
 INPUTS = Inputs({"pressure_pa": 9e3})
 
 
-def engine_of(chain: ChainModel) -> MujocoSimulation:
+def make_engine(chain: ChainModel) -> MujocoSimulation:
     engine = MujocoSimulation(chain, MujocoConfig())
     engine.model.opt.timestep = 0.01
     return engine
 
 
 @pytest.mark.parametrize("law", [ScalarSpatial, SpatialLaw])
-def test_no_work_on_closed_paths(law: type[JointLaw], finger_of: Callable[..., ChainModel]) -> None:
-    """Σ force · ω over a loop of large turns vanishes against the elastic energy on it."""
-    chain = finger_of("spherical", 3).with_(laws=(law(),))
-    engine, loads = engine_of(chain), Loads.of(chain, INPUTS)
+def test_no_work_on_closed_paths(law: type[JointLaw], make_finger: Callable[..., ChainModel]) -> None:
+    """Σ force · ω over a loop of large turns vanishes relative to the elastic energy on it."""
+    chain = make_finger("spherical", 3).with_(laws=(law(),))
+    engine, loads = make_engine(chain), Loads.from_inputs(chain, INPUTS)
     random = np.random.default_rng(3)
     size, phase = random.uniform(0.3, 0.9, (3, 3)), random.uniform(0, 6, (3, 3))
     work, energy, steps = 0.0, 0.0, 400
@@ -50,24 +51,26 @@ def test_no_work_on_closed_paths(law: type[JointLaw], finger_of: Callable[..., C
 
 
 @pytest.mark.parametrize("moment", [0.0, 2e-3])
-def test_compiled_and_plain_efforts_are_the_same(moment: float, finger_of: Callable[..., ChainModel]) -> None:
+def test_compiled_and_plain_efforts_are_the_same(
+    moment: float, make_finger: Callable[..., ChainModel]
+) -> None:
     q = np.random.default_rng(5).uniform(-0.9, 0.9, (4, 3))
     found = []
     for law in (ScalarSpatial(), SpatialLaw()):
-        chain = finger_of("spherical", 4).with_(laws=(law,))
-        engine = engine_of(chain)
+        chain = make_finger("spherical", 4).with_(laws=(law,))
+        engine = make_engine(chain)
         engine.halt(q)
-        loads = Loads.of(chain, Inputs({"pressure_pa": 9e3}, moment_n_m=moment))
+        loads = Loads.from_inputs(chain, Inputs({"pressure_pa": 9e3}, moment_n_m=moment))
         engine.joints.drive(loads, 1e-3, np.full(4, 0.01), 2.0)
         found.append((engine.data.qfrc_applied.copy(), engine.model.dof_damping.copy()))
     np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-12)
 
 
-def test_an_undamped_swing_keeps_its_energy_as_steps_shrink(finger_of: Callable[..., ChainModel]) -> None:
-    """What the implicit integrator takes is proportional to the step, and goes to nothing with it."""
-    chain = finger_of("spherical", 4).with_(laws=(ScalarSpatial(),))
-    statics, loads = ChainStatics(chain), Loads.of(chain, INPUTS)
+def test_an_undamped_swing_keeps_its_energy_as_steps_shrink(make_finger: Callable[..., ChainModel]) -> None:
+    """The loss of the implicit integrator is proportional to the step and vanishes with it."""
+    chain = make_finger("spherical", 4).with_(laws=(ScalarSpatial(),))
+    statics, loads = ChainStatics(chain), Loads.from_inputs(chain, INPUTS)
 
     def energy(state: SimulationState) -> float:
         rates = state.velocity.ravel()
@@ -89,11 +92,11 @@ def test_an_undamped_swing_keeps_its_energy_as_steps_shrink(finger_of: Callable[
     assert 0.0 < lost[1] < 0.05 * abs(moved)
 
 
-def test_point_loads_and_cords_move_the_chain_to_the_equilibrium_of_statics(
-    finger_of: Callable[..., ChainModel],
+def test_point_loads_and_cords_move_the_chain_to_static_equilibrium(
+    make_finger: Callable[..., ChainModel],
 ) -> None:
-    """Stepped through time, not settled: MuJoCo's own forces on its bodies end where statics has the balance."""
-    chain = finger_of("spherical", 4).with_(laws=(ScalarSpatial(),))
+    """Stepped through time, not settled, MuJoCo's own forces on its bodies end in the equilibrium of statics."""
+    chain = make_finger("spherical", 4).with_(laws=(ScalarSpatial(),))
     inputs = Inputs(
         {"pressure_pa": 9e3},
         forces=(PointForce(2, np.array([0.003, 0.004, 0.0]), np.array([0.05, 0.1, 0.0])),),
@@ -104,27 +107,27 @@ def test_point_loads_and_cords_move_the_chain_to_the_equilibrium_of_statics(
         simulation.step(4.0)
         q = simulation.snapshot().position
         settled = simulation.settle()
-    residual = np.abs(ChainStatics(chain).residual(q, Loads.of(chain, inputs))).max()
+    residual = np.abs(ChainStatics(chain).residual(q, Loads.from_inputs(chain, inputs))).max()
     assert settled.converged
     assert residual < 1e-6
     np.testing.assert_allclose(q, settled.joint_angles, atol=1e-4)
 
 
 def branch(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
-    """A moment with memory, rate and temperature."""
+    """Return a moment with memory, rate and temperature."""
     new[0] = 0.8 * old[0] + angle
     new[1] = max(old[1], angle)
     return float(-c[0] * rate - c[1] * old[0] * angle**2 + 1e-4 * (temperature_c - 22.0))
 
 
 def factor(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
-    """A factor that depends on angle and memory."""
+    """Return a factor that depends on angle and memory."""
     new[0] = old[0] + min(dt_s, 1.0) * abs(angle)
     return 1.0 + c[0] * angle * angle + 0.1 * old[0]
 
 
 def shift(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
-    """A resting place that follows the input."""
+    """Return a resting position that follows the input."""
     return float(c[0] * actuation * angle)
 
 
@@ -138,10 +141,10 @@ TERMS = (
 
 @pytest.mark.parametrize("terms", [(), TERMS])
 @pytest.mark.parametrize("kind", SCALAR)
-def test_compiled_motion_is_that_of_python(
-    kind: str, terms: tuple[LawTerm, ...], finger_of: Callable[..., ChainModel]
+def test_compiled_motion_equals_python(
+    kind: str, terms: tuple[LawTerm, ...], make_finger: Callable[..., ChainModel]
 ) -> None:
-    chain = finger_of(kind, 3).with_(laws=(SCALAR[kind](),), terms=terms)
+    chain = make_finger(kind, 3).with_(laws=(SCALAR[kind](),), terms=terms)
     pushed = {"tip_force_n": np.array([0.01, 0.02, 0.005])}
     if kind != "prismatic":
         pushed["moment_n_m"] = 1e-3  # type: ignore[assignment]
@@ -169,14 +172,16 @@ def test_compiled_motion_is_that_of_python(
             np.testing.assert_allclose(one.memory, python.memory, rtol=0, atol=1e-9)
 
 
-def test_a_batch_is_the_same_runs_one_by_one_to_the_bit(finger_of: Callable[..., ChainModel]) -> None:
-    """Chains in turn, uneven times, loads; against `apply` and `step` sample by sample."""
+def test_a_batch_is_the_same_runs_one_by_one_to_the_bit(make_finger: Callable[..., ChainModel]) -> None:
+    """Chains in turn, uneven times and loads are compared with `apply` and `step` sample by sample."""
     t = np.array([0.0, 0.02, 0.05, 0.0507, 0.12, 0.2, 0.22])
-    chains = [finger_of(kind, 3).with_(laws=(SCALAR[kind](),), terms=TERMS) for kind in SCALAR]
+    chains = [make_finger(kind, 3).with_(laws=(SCALAR[kind](),), terms=TERMS) for kind in SCALAR]
     runs = []
     for k in range(7):
         pressure = 9e3 * np.sin(9 * t + k) ** 2
-        history = History.of({"pressure_pa": pressure}, t, run=f"{k}", tip_force_n=[0.01, 0.002 * k, 0.0])
+        history = History.from_arrays(
+            {"pressure_pa": pressure}, t, run=f"{k}", tip_force_n=[0.01, 0.002 * k, 0.0]
+        )
         runs.append(Run(chains[k % len(chains)], history))
     backend = Mujoco(MujocoConfig(timestep_s=0.006))
     for run, rollout in zip(runs, backend.rollout_batch(runs), strict=True):
@@ -190,11 +195,13 @@ def test_a_batch_is_the_same_runs_one_by_one_to_the_bit(finger_of: Callable[...,
 
 
 @pytest.mark.parametrize("kind", SCALAR)
-def test_a_compiled_path_is_that_of_single_steps(kind: str, finger_of: Callable[..., ChainModel]) -> None:
-    """`follow` with samples further apart than its steps, on straight lines between them."""
-    chain = finger_of(kind, 2).with_(laws=(SCALAR[kind](),), terms=TERMS)
+def test_a_compiled_path_equals_single_steps(kind: str, make_finger: Callable[..., ChainModel]) -> None:
+    """`follow` has samples further apart than its steps, with linear interpolation between them."""
+    chain = make_finger(kind, 2).with_(laws=(SCALAR[kind](),), terms=TERMS)
     t = np.array([0.0, 0.1, 0.13, 0.4])
-    history = History.of({"pressure_pa": 1e3 * np.array([2, 9, 4, 6])}, t, temperature_c=[20, 25, 30, 35])
+    history = History.from_arrays(
+        {"pressure_pa": 1e3 * np.array([2, 9, 4, 6])}, t, temperature_c=[20, 25, 30, 35]
+    )
     backend = Mujoco(MujocoConfig(timestep_s=0.007))
     (path,), _ = backend.follow(chain, [history])
     (plain,), _ = step_through(backend.build, chain, [history], [], 0.007)
@@ -203,17 +210,17 @@ def test_a_compiled_path_is_that_of_single_steps(kind: str, finger_of: Callable[
     np.testing.assert_allclose(path.joint_angles, plain.joint_angles, rtol=0, atol=1e-9)
 
 
-def test_a_path_that_explodes_is_taken_back_and_told(finger_of: Callable[..., ChainModel]) -> None:
-    """A term whose moment grows without bound: what was reached is kept, the rest has not converged."""
+def test_a_path_that_explodes_is_taken_back_and_told(make_finger: Callable[..., ChainModel]) -> None:
+    """A term's moment grows without bound: the reached part is kept, the rest has not converged."""
     runaway = LawTerm("moment", explode, (), needs_time=True)
-    chain = finger_of("revolute", 2).with_(laws=(SCALAR["revolute"](),), terms=(runaway,))
+    chain = make_finger("revolute", 2).with_(laws=(SCALAR["revolute"](),), terms=(runaway,))
     t = 0.1 * np.arange(6)
-    history = History.of({"pressure_pa": 1e3}, t, temperature_c=[22, 22, 22, 90, 90, 90])
+    history = History.from_arrays({"pressure_pa": 1e3}, t, temperature_c=[22, 22, 22, 90, 90, 90])
     (path,), _ = Mujoco(MujocoConfig()).follow(chain, [history])
     assert path.converged.tolist() == [True, True, True, False, False, False]
     assert np.isfinite(path.joint_angles).all()
 
 
 def explode(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
-    """Nothing until it is hot."""
+    """Return zero below 80 °C and an unbounded moment above."""
     return 0.0 if temperature_c < 80.0 else 1e30

@@ -11,7 +11,7 @@ from tests.diagnosis.quick import BENCH, VALUES, P, effect
 
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
-from pliant.interfaces.physics import SimulationState
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.records.chain import ChainModel
 from pliant.records.history import History
@@ -39,16 +39,16 @@ def with_effect(chain: ChainModel, kind: str, **values: Any) -> Model:
 
 
 def hinge(kind: str, **values: Any) -> ChainModel:
-    """One linear hinge without weight, with one effect."""
+    """Return one linear hinge without weight, with one effect."""
     bare = sample_chain(linear_law(GAIN, STIFFNESS), modules=1, gravity=NO_GRAVITY)
     return with_effect(bare, kind, **values).chain
 
 
 def slow_history(step_s: float = 0.25) -> History:
-    """Up, down and up within 40 s, warm and under an end moment."""
+    """Return a history up, down and up within 40 s, warm and under an end moment."""
     t = step_s * np.arange(round(40 / step_s) + 1)
     p = np.interp(t, [0.0, 12.0, 20.0, 40.0], [1e3, P, 2e3, 0.8 * P])
-    return History.of({"pressure_pa": p}, t, temperature_c=30.0, moment_n_m=1e-3)
+    return History.from_arrays({"pressure_pa": p}, t, temperature_c=30.0, moment_n_m=1e-3)
 
 
 # -- closed forms -------------------------------------------------------------------------------------
@@ -89,15 +89,15 @@ def test_a_maxwell_branch_relaxes_as_its_prony_term() -> None:
     share, branch_s = 0.5, 2.0
     chain = hinge("viscoelastic", share=share, time_s=branch_s)
     time_s = 0.02 * np.arange(301)
-    history = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
+    history = History.from_arrays({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
     (path,), _ = engine().follow(chain, [history])
     end = GAIN * P / STIFFNESS
     exact = end * (1.0 - share / (1.0 + share) * np.exp(-time_s / ((1.0 + share) * branch_s)))
-    late = time_s > 0.5  # inertia has its say before
+    late = time_s > 0.5  # inertia dominates before
     np.testing.assert_allclose(path.joint_angles[late, 0, 0], exact[late], atol=0.005 * end)
 
 
-def test_a_large_step_with_a_stiff_dashpot_is_that_of_backward_euler() -> None:
+def test_a_large_step_with_a_stiff_dashpot_equals_backward_euler() -> None:
     """Rate forces are implicit: one step of 1 s against a dashpot of 0.5 s moves by h/(h + T) of the way."""
     chain = hinge("viscous_damping", time_s=0.5)
     with engine(step_s=1.0).build(chain) as simulation:
@@ -112,8 +112,8 @@ def test_a_large_step_with_a_stiff_dashpot_is_that_of_backward_euler() -> None:
 
 @pytest.mark.parametrize("modules", [1, 3])
 @pytest.mark.parametrize("kind", VALUES)
-def test_slow_histories_are_those_of_equilibria(kind: str, modules: int) -> None:
-    """Every shipped effect, within 0.5 % of the range."""
+def test_slow_histories_equal_equilibria(kind: str, modules: int) -> None:
+    """The tolerance for shipped effects is 0.5 % of the range."""
     model = with_effect(sample_chain(modules=modules, payload=0.004), kind)
     history = slow_history(1.0)
     for reaching in model.inputs:
@@ -125,10 +125,10 @@ def test_slow_histories_are_those_of_equilibria(kind: str, modules: int) -> None
     np.testing.assert_allclose(path.joint_angles, slow.joint_angles, atol=0.005 * span)
 
 
-def test_the_loop_of_friction_is_that_of_the_quasi_static_engine() -> None:
+def test_the_friction_loop_equals_the_quasi_static_engine() -> None:
     chain = hinge("friction_hysteresis", half_width_rad=0.03, break_away_rad=0.01)
     t = np.linspace(0.0, 40.0, 161)
-    history = History.of({"pressure_pa": np.interp(t, [0, 10, 20, 30, 40], [0, P, 4e3, 12e3, 0])}, t)
+    history = History.from_arrays({"pressure_pa": np.interp(t, [0, 10, 20, 30, 40], [0, P, 4e3, 12e3, 0])}, t)
     (slow,), _ = SLOW.follow(chain, [history])
     (path,), _ = engine(step_s=0.05, drag=7.0).follow(chain, [history])
     u = path.joint_angles[:, 0, 0]
@@ -141,7 +141,7 @@ def test_ball_joints_have_their_rates_in_all_axes() -> None:
     chain = chain.with_(terms=(LawTerm("moment", dashpot, (0.02,), needs_time=True),))
     t = np.linspace(0.0, 20.0, 41)
     force = np.stack([0.02 * np.sin(0.3 * t), 0.05 * np.sin(0.2 * t), 0 * t], axis=1)
-    history = History.of({"pressure_pa": 5e3 * np.sin(0.2 * t) ** 2}, t, tip_force_n=force)
+    history = History.from_arrays({"pressure_pa": 5e3 * np.sin(0.2 * t) ** 2}, t, tip_force_n=force)
     (slow,), _ = SLOW.follow(chain, [history])
     (path,), _ = engine(step_s=0.05, drag=7.0).follow(chain, [history])
     span = float(np.ptp(slow.joint_angles, axis=0).max())
@@ -173,8 +173,8 @@ def test_a_snapshot_carries_memory(kind: str) -> None:
         assert np.abs(simulation.snapshot().position - ends[0].position).max() > 1e-5
 
 
-def test_arms_of_a_scene_remember_as_they_do_alone() -> None:
-    """An arm with memory beside one without; its memory is in the scene's snapshot."""
+def test_arms_in_a_scene_remember_as_they_do_alone() -> None:
+    """One arm has memory and another has none; the memory is in the scene's snapshot."""
     chain = with_effect(sample_chain(modules=2), "viscoelastic").chain
     bare = sample_chain(modules=2).with_(base_position_m=np.array([0.2, 0.0, 0.0]))
     backend = engine(step_s=0.005)

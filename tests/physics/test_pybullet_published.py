@@ -1,4 +1,4 @@
-"""The published formulation as a preset: what it does otherwise, and that nothing else knows of it."""
+"""The published formulation as a preset: its differences, and that the other presets do not use it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from tests.physics.conftest import settle
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SimulationState
+from pliant.interfaces.simulation import SimulationState
 from pliant.records.design import Array
 from pliant.records.law import Effort
 from pliant.records.rollout import Inputs
@@ -41,7 +41,7 @@ PRESSED = Inputs({"pressure_pa": PRESSURE_PA})
 
 @dataclass(frozen=True, eq=False)
 class Counting(LinearLaw):
-    """Writes down how many joints each call asks for."""
+    """A law that records how many joints each call evaluates."""
 
     calls: list[int] = field(default_factory=list)
 
@@ -64,7 +64,7 @@ def test_steps_are_fixed_and_the_law_is_called_for_every_joint_and_axis_at_each(
 
 
 def test_friction_motors_hold_a_small_effort() -> None:
-    """Efforts below the motors' 1e-4 N·m do not move a joint; `settle` is without motors, and they come back."""
+    """Efforts below the motors' 1e-4 N·m do not move a joint; `settle` switches the motors off and on again."""
     chain = sample_chain(softening_law(), modules=1, gravity=(0, 0, 0))
     held, free = 0.8e-4 / 1.637e-6, 4e-4 / 1.637e-6
     for _ in range(2):

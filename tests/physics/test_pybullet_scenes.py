@@ -52,7 +52,7 @@ def test_meshes_without_volume_are_refused(mesh: TriangleMesh | None, says: str)
 
 @pytest.mark.parametrize("scale", [1.0, 3.0, 25.0])
 def test_the_scale_is_not_seen_outside(scale: float) -> None:
-    """The same fall, push and bending, whatever Bullet's own unit of length is."""
+    """The fall, push and bending do not depend on Bullet's own unit of length."""
     finger = sample_finger((0.2, 0.0, 0.3))
     scene = Scene((Arm(finger),), (lopsided_box(),), gravity_m_s2=np.array([0.0, 1.0, -5.0]))
 
@@ -65,7 +65,7 @@ def test_the_scale_is_not_seen_outside(scale: float) -> None:
 
     markers, velocities = run(scale)
     wanted_markers, wanted_velocities = run(10.0)
-    # The floor of inertia is the same outside, and Bullet's rounding differs.
+    # The lower bound of inertia is the same outside, and Bullet's rounding differs.
     np.testing.assert_allclose(markers, wanted_markers, atol=1e-6)
     np.testing.assert_allclose(velocities, wanted_velocities, atol=1e-4)
 
@@ -111,7 +111,7 @@ def test_friction_reaches_bullet() -> None:
 def test_points_are_contacts_where_they_press_or_touch(
     monkeypatch: pytest.MonkeyPatch, press: float, distance: float, counted: bool
 ) -> None:
-    """Bullet also lists pairs that are near each other and apart."""
+    """Bullet also lists pairs that are near each other without contact."""
     with engine().build_scene(pinch_scene()) as simulation:
         simulation.apply(pinching())
         simulation.step(0.2)

@@ -1,4 +1,4 @@
-"""Scenes in both engines beyond the conformance suite: every shape, exact snapshots, arms as they move alone."""
+"""Scenes in both engines beyond the conformance suite: every shape, exact snapshots, motion of single arms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import PhysicsBackend, SceneSimulation
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -58,8 +59,22 @@ def test_every_shape_rests_at_its_own_height(kind: str, dynamic_engine: PhysicsB
         assert sum(c.normal_n for c in contacts) == pytest.approx(9.81 * OBJECT_KG, rel=1e-3)
 
 
+def test_a_contact_says_how_deep_it_is() -> None:
+    """A ball sinks into the floor by g (1 − d) / k, with the stiffness k per mass and the impedance d of the config."""
+    config = MujocoConfig(contact_stiffness=1e3)
+    shape, height = RESTING["sphere"]
+    ball = sample_box(shapes=(shape,), position_m=np.array([0.0, 0.0, height]))
+    with Mujoco(config).build_scene(Scene((), (ball,), floor_m=0.0)) as simulation:
+        simulation.step(3.0)
+        (contact,) = simulation.contacts()
+        sunk_m = height - simulation.snapshot().positions_m[0, 2]
+    d = config.contact_impedance
+    assert contact.depth_m == pytest.approx(9.81 * (1 - d) / config.contact_stiffness, rel=0.01)
+    assert contact.depth_m == pytest.approx(sunk_m, abs=1e-7)
+
+
 def on(simulation: SceneSimulation, steps: int = 5) -> tuple[Array, ...]:
-    """Everything that moves, some steps later."""
+    """Return everything that moves, some steps later."""
     for _ in range(steps):
         simulation.step(0.02)
     state = simulation.snapshot()
@@ -67,7 +82,7 @@ def on(simulation: SceneSimulation, steps: int = 5) -> tuple[Array, ...]:
 
 
 def test_snapshots_are_exact_and_move_to_another_simulation(dynamic_engine: PhysicsBackend) -> None:
-    """The engine's own part goes with the snapshot, so even contact impulses are those of the first simulation."""
+    """The snapshot includes the engine's own part, so even contact impulses are those of the first simulation."""
     scene, lift = pinch_scene(), np.array([0.0, 0.0, 0.03])
     with dynamic_engine.build_scene(scene) as first, dynamic_engine.build_scene(scene) as second:
         first.apply(pinching())
@@ -83,7 +98,7 @@ def test_snapshots_are_exact_and_move_to_another_simulation(dynamic_engine: Phys
             assert {(c.first, c.second) for c in simulation.contacts()} == touching
             for a, b in zip(on(simulation), wanted, strict=True):
                 np.testing.assert_array_equal(a, b)
-        # Coordinates alone, as another engine would give them: contacts begin anew.
+        # Coordinates alone, as another engine would give them: contacts start from zero.
         first.restore(replace(kept, private={}))
         np.testing.assert_allclose(first.snapshot().positions_m, kept.positions_m, atol=1e-12)
         np.testing.assert_allclose(first.snapshot().coordinates, kept.coordinates, atol=1e-12)

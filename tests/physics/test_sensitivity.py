@@ -24,7 +24,7 @@ LOADS: dict[str, Any] = {
 FORCE = np.array([0.02, 0.01, -0.05])
 
 
-def chain_of(kind: str) -> ChainModel:
+def make_chain(kind: str) -> ChainModel:
     if kind == "random":
         return random_chain().with_(laws=(ScalarSpatial(),))
     return finger(SCALAR[kind](), 6, 0.0016, 0.01, payload_kg=0.02)
@@ -42,7 +42,7 @@ def derivatives(chain: ChainModel) -> Sensitivity:
 
 
 def difference(at: Callable[[float], Equilibrium], step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of fourth order."""
+    """Return the central difference of fourth order of joint angles and markers."""
     ends = {k: at(k * step) for k in (-2, -1, 1, 2)}
     assert all(end.converged for end in ends.values())
 
@@ -61,7 +61,7 @@ def agree(found: Sensitivity, name: str, place: Any, wanted: tuple[np.ndarray, n
 
 @pytest.mark.parametrize("kind", [*SCALAR, "random"])
 def test_inputs_and_loads(kind: str) -> None:
-    chain = chain_of(kind)
+    chain = make_chain(kind)
     found = derivatives(chain)
     agree(found, "pressure_pa", ..., difference(lambda h: solve(chain, 9e3 + h), 20.0))
     along, gravity = np.eye(3), np.array([0.0, 0.0, -9.81])
@@ -87,7 +87,7 @@ def test_inputs_and_loads(kind: str) -> None:
         agree(found, "moment_n_m", ..., difference(lambda h: solve(chain, moment=h), 1e-4))
 
 
-def test_parameters_of_each_law() -> None:
+def test_parameters_in_each_law() -> None:
     """Two laws in turn; a parameter that is 0 has a derivative too."""
     values = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.03}
 
@@ -109,9 +109,9 @@ def _stiffer(angle: float, rate: float, dt: float, p: float, t: float, old: Any,
 
 
 def test_law_terms_take_part() -> None:
-    """A factor on the elastic effort that depends on angle and pressure."""
+    """A factor on the elastic effort depends on angle and pressure."""
     term = LawTerm("elastic", _stiffer, (0.3,))
-    chain = chain_of("revolute").with_(terms=(term,))
+    chain = make_chain("revolute").with_(terms=(term,))
     found = derivatives(chain)
     agree(found, "pressure_pa", ..., difference(lambda h: solve(chain, 9e3 + h), 20.0))
     agree(found, "payload_kg", ..., difference(lambda h: solve(chain.with_(payload_kg=0.02 + h)), 1e-4))
@@ -136,7 +136,7 @@ def test_no_derivatives_where_nothing_has_settled() -> None:
 
 
 def test_no_derivatives_where_the_stiffness_is_singular() -> None:
-    """A joint without any stiffness, in balance: neutral, so it counts as stable, but nothing holds it."""
+    """A joint without stiffness in balance is neutral, so it counts as stable, but nothing restores it."""
     free = finger(ScalarStudy(k_n=0.0, m_a=0.0, m_e=0.0, b_e=0.0), 1, base_rotation=default_base_rotation())
     simulation = BACKEND.build(free.with_(gravity_m_s2=np.zeros(3)))
     simulation.apply(Inputs({"pressure_pa": 0.0}))

@@ -1,4 +1,4 @@
-"""Chains that are packed and settled together have the equilibria that each has alone, to the last bit."""
+"""Chains that are packed and settled together have the equilibria of each alone, to the last bit."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from pliant.errors import ContractError, UserError
 from pliant.interfaces.physics import Case
 from pliant.records.rollout import PointForce
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.batch import form_of
+from pliant_plugins.physics.quasistatic.batch import packing_form
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 
@@ -33,7 +33,7 @@ def same(one, other):
 
 def test_together_as_alone(cases):
     backend = Quasistatic(QuasistaticConfig())
-    assert all(form_of(case) for case in cases)
+    assert all(packing_form(case) for case in cases)
     found = backend.settle_batch(cases)
     assert all(same(one, alone(backend, case)) for one, case in zip(found, cases, strict=True))
     assert any(one.outside_domain for one in found) and any(not one.outside_domain for one in found)
@@ -42,7 +42,7 @@ def test_together_as_alone(cases):
 def test_a_load_at_a_point_stands_among_them(cases):
     force = PointForce(2, np.zeros(3), np.array([0.0, 0.01, 0.0]))
     mixed = [cases[0], replace(cases[1], inputs=replace(cases[1].inputs, forces=(force,))), cases[2]]
-    assert [form_of(case) is None for case in mixed] == [False, True, False]
+    assert [packing_form(case) is None for case in mixed] == [False, True, False]
     backend = Quasistatic(QuasistaticConfig())
     found = backend.settle_batch(mixed)
     assert all(same(one, alone(backend, case)) for one, case in zip(found, mixed, strict=True))

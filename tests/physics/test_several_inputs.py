@@ -9,7 +9,7 @@ import pytest
 from tests.mechanics.test_several_actuations import several_law
 
 from pliant.config.chain import ChainConfig
-from pliant.interfaces.physics import Case
+from pliant.interfaces.physics import Case, settle_each
 from pliant.mechanics.efforts import JointEfforts
 from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.records.chain import Actuator, ChainModel
@@ -24,7 +24,7 @@ AXES = ("x", "y", "z")
 
 
 def arm() -> ChainModel:
-    """Two segments of two modules with three pressures each, one of them turned."""
+    """Return two segments of two modules with three pressures each, one of them turned."""
     law, segments = several_law(3, AXES), []
     for number in range(2):
         own = tuple(Actuator(f"pressure_{3 * number + k}_pa") for k in (1, 2, 3))
@@ -36,9 +36,9 @@ def levels(chain: ChainModel) -> dict[str, float]:
     return {actuator.input: 2.5e3 * (k + 1) for k, actuator in enumerate(chain.actuators)}
 
 
-def test_compiled_efforts_are_those_of_the_laws_in_and_beside_the_box() -> None:
+def test_compiled_efforts_equal_the_laws_inside_and_outside_the_box() -> None:
     chain = arm()
-    laws, statics = CompiledLaws.of(chain), JointEfforts(chain)
+    laws, statics = CompiledLaws.from_chain(chain), JointEfforts(chain)
     assert laws is not None
     q = np.random.default_rng(2).uniform(-0.5, 0.5, (4, 3))
     p = statics.values(levels(chain))
@@ -59,7 +59,7 @@ def test_engines_agree_on_every_segment() -> None:
     for kind in ENGINES:
         component = registry.get("physics", kind)
         backend = component.build(component.config_model()(kind=kind))
-        (found,) = backend.settle_batch([Case(chain, Inputs(levels(chain)))])
+        (found,) = settle_each(backend, [Case(chain, Inputs(levels(chain)))])
         assert found.converged
         tips[kind] = found.markers_m
     for kind in ENGINES[1:]:

@@ -1,4 +1,4 @@
-"""Tasks on chains: free bending, tip load, helical hang, tendon finger, follow shape; and loads that are too much."""
+"""Tasks on chains: free bending, tip load, helical hang, tendon finger, follow shape; and excessive loads."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.pipeline.simulate import run_task
-from pliant.pipeline.study import chain_of_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.study import build_study_chain
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.history import History
 from pliant.records.law import Domain, JointLaw
@@ -108,19 +108,19 @@ REGISTRY = discover()
 STILL = Quasistatic(QuasistaticConfig())
 
 
-def chain_of(path: Path, *overrides: str) -> ChainModel:
-    bench = Workbench(REGISTRY, ArtifactStore(path.parent / ".unused"), Silent())
-    return chain_of_study(bench, load_study(path, REGISTRY, overrides)).chain
+def make_chain(path: Path, *overrides: str) -> ChainModel:
+    bench = RunContext(REGISTRY, ArtifactStore(path.parent / ".unused"), Silent())
+    return build_study_chain(bench, load_study(path, REGISTRY, overrides)).chain
 
 
 @pytest.fixture(scope="module")
 def helix() -> ChainModel:
-    return chain_of(EXAMPLES / "helix/helix.yaml")
+    return make_chain(EXAMPLES / "helix/helix.yaml")
 
 
 @pytest.fixture(scope="module")
 def finger() -> ChainModel:
-    return chain_of(EXAMPLES / "tendon_finger/finger.yaml")
+    return make_chain(EXAMPLES / "tendon_finger/finger.yaml")
 
 
 def perform(task: Task, chain: ChainModel, engine: PhysicsBackend = STILL) -> TaskResult:
@@ -138,7 +138,7 @@ def test_the_helix_is_the_study_s(helix: ChainModel) -> None:
     ahead = helix.base_rotation[:, 0]
     assert np.degrees(np.arcsin(-ahead[2])) == pytest.approx(28.0, abs=1e-3)
     straight = np.zeros((22, 3))
-    pose = ChainGeometry.of(helix).forward(straight)
+    pose = ChainGeometry.from_chain(helix).forward(straight)
     rings = np.array([pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in helix.rings])
     reach = np.cumsum([0, 5 * 4.72e-3, 5 * 4.72e-3, 6 * 4.77e-3, 6 * 4.77e-3, 6e-3])
     np.testing.assert_allclose(rings, reach[:, None] * ahead, atol=1e-15)
@@ -149,7 +149,7 @@ def test_the_helix_is_the_study_s(helix: ChainModel) -> None:
 
 
 @pytest.mark.slow
-def test_rings_of_three_engines_agree_under_every_load(helix: ChainModel, engine: PhysicsBackend) -> None:
+def test_rings_in_three_engines_agree_under_every_load(helix: ChainModel, engine: PhysicsBackend) -> None:
     loads = {"loads": ["50 g"], "steps": 1}
     wanted = perform(hang(**loads), helix)
     found = perform(hang(**loads), helix, engine)
@@ -166,7 +166,7 @@ def test_a_hung_load_is_a_force_and_each_state_is_an_equilibrium(helix: ChainMod
     assert rollout is not None and len(rollout.time_s) == 4 + 4
     for load, q in zip(result.metrics["loads_kg"], rollout.joint_angles[4:], strict=True):
         inputs = Inputs({"pressure_pa": 15e3}, np.array([0.0, 0.0, -9.81 * load]))
-        assert np.abs(statics.residual(q, Loads.of(helix, inputs))).max() < 1e-8
+        assert np.abs(statics.residual(q, Loads.from_inputs(helix, inputs))).max() < 1e-8
     heights = np.array(result.metrics["tips_m"])[:, 2]
     assert (np.diff(heights) < 0).all()
     np.testing.assert_allclose(rollout.joint_angles[3], rollout.joint_angles[4], atol=1e-9)
@@ -183,8 +183,8 @@ def test_a_load_that_is_too_much_is_said_with_what_held_last(helix: ChainModel) 
         assert said in reason and bool(said) == bool(reason)
 
 
-def test_metrics_are_those_of_the_last_state_that_held(helix: ChainModel) -> None:
-    """What an engine leaves where nothing holds is no result: the level before it is."""
+def test_metrics_are_from_the_last_state_that_held(helix: ChainModel) -> None:
+    """An engine's state without equilibrium is no result: the metrics are those of the level before it."""
     full = TipLoad(TipLoadConfig.model_validate({"pressure": "-50 kPa", "steps": 11}))
     result = perform(full, helix)
     assert result.not_reached and not result.reached and result.rollout is not None
@@ -210,7 +210,7 @@ def pull(**changes: Any) -> TendonFinger:
 
 
 def test_the_tendon_finger_is_the_study_s(finger: ChainModel) -> None:
-    origins = ChainGeometry.of(finger).markers(np.zeros((3, 1)))[:, 2]
+    origins = ChainGeometry.from_chain(finger).markers(np.zeros((3, 1)))[:, 2]
     np.testing.assert_allclose(-np.diff(origins), [31.99e-3, 28e-3, 28e-3, 28e-3])
     np.testing.assert_allclose([body.mass_kg for body in finger.bodies[1:]], [10.94e-3, 10.94e-3, 12.03e-3])
     assert finger.actuators[0].input == "tendon_force_n"
@@ -227,7 +227,7 @@ def test_force_and_travel_are_each_other_s_inverse(finger: ChainModel) -> None:
 
 
 def test_the_search_for_a_travel_leaves_no_trace(finger: ChainModel) -> None:
-    """The history is the pull itself, and laws were asked for no more than that."""
+    """The history is the pull itself, and laws were evaluated no more often than that requires."""
     found = perform(pull(tendon_travel="8 mm", payload="20 g"), finger)
     assert found.rollout is not None
     force = found.rollout.actuation[:, 0]
@@ -240,14 +240,14 @@ def test_the_search_for_a_travel_leaves_no_trace(finger: ChainModel) -> None:
 def test_the_cord_pulls_toward_the_pulley(finger: ChainModel, engine: PhysicsBackend) -> None:
     result = perform(pull(tendon_force="3 N", payload="20 g"), finger, engine)
     cord = Cord(3, np.asarray(finger.tip_offset_m), np.array([0.0, 0.0, -0.232]), 0.02 * 9.81)
-    loads = Loads.of(finger, Inputs({"tendon_force_n": 3.0}, cords=(cord,)))
+    loads = Loads.from_inputs(finger, Inputs({"tendon_force_n": 3.0}, cords=(cord,)))
     assert np.abs(ChainStatics(finger).residual(result.final.joint_angles, loads)).max() < 1e-6
     free = perform(pull(tendon_force="3 N"), finger, engine)
     assert result.metrics["tip_x_m"] < free.metrics["tip_x_m"] - 1e-3
 
 
 class HalfCommand(Effect):
-    """Half of what is commanded arrives."""
+    """An effect that passes on half of the command."""
 
     def apply(self, model: Model) -> Model:
         def half(history: History) -> History:
@@ -257,7 +257,7 @@ class HalfCommand(Effect):
 
 
 def test_effects_on_the_input_leave_the_cord_in_place(finger: ChainModel) -> None:
-    """A gain of 0.5 on the command is half the pull; the weight stays what it is."""
+    """A gain of 0.5 on the command is half the pull; the weight is unchanged."""
     wanted = perform(pull(tendon_force="3 N", payload="20 g"), finger)
     halving = [HalfCommand(EffectConfig(kind="half"))]
     halved = run_task(STILL, pull(tendon_force="6 N", payload="20 g"), halving, finger)
@@ -279,7 +279,7 @@ def test_a_finger_takes_a_force_or_a_travel() -> None:
 
 
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="../shared/data/reference is not there")
-def test_forces_of_one_travel_beside_the_published_ones(finger: ChainModel) -> None:
+def test_forces_in_one_travel_next_to_the_published_ones(finger: ChainModel) -> None:
     """8.07 (free), 9.185 (20 g) and 10.77 N (50 g) are published; travel, pose and pulley are not.
 
     Law and length formula disagree too, so this is no target: the forces are those of one travel, that of 8.07 N,
@@ -325,7 +325,7 @@ def test_a_chain_that_is_the_target_is_at_no_distance(tmp_path: Path, massless_f
     assert perform(follow(turned), massless_finger).metrics["rmse_m"] > 5e-3
 
 
-def test_the_target_stands_on_the_base_of_the_chain(massless_finger: ChainModel) -> None:
+def test_the_target_stands_on_the_chain_base(massless_finger: ChainModel) -> None:
     """Moving and turning the whole chain changes no distance."""
     task = follow(HELIX)
     turn = exp_map(np.array([0.4, -1.0, 0.3]))

@@ -1,4 +1,4 @@
-"""Chambers and tendons around the chain axis: what turning them does to a pose, in every engine."""
+"""Chambers and tendons around the chain axis: the effect of turning them on a pose, in every engine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STILL = (0, 0, 0)
 
 
 def test_the_pose_is_turned_as_a_whole(engine: PhysicsBackend) -> None:
-    """Where all joints are equal and nothing else acts."""
+    """The joints are equal and there is no other load."""
     angle = 0.7
     straight = sample_chain(linear_spherical_law(), modules=4, gravity=STILL)
     turned = straight.with_(actuators=(Actuator("pressure_pa", 1.0, angle),))

@@ -1,4 +1,4 @@
-"""Modules whose potential is a sum of products of plain functions, so that every derivative is exact; sampled."""
+"""Sampled modules whose potential is a sum of products of elementary functions, so that every derivative is exact."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedError
-from pliant.pipeline.sampling.plan import sample
-from pliant.pipeline.sampling.walk import Piece, Sampling
+from pliant.pipeline.sampling.plan import Sampling, sample
+from pliant.pipeline.sampling.walk import Subproblem
 from pliant.records.fem import FemState
 
 Function = Callable[[float, int], float]  # of x and the order of the derivative
@@ -30,7 +30,7 @@ def growth(a: float) -> Function:
 
 
 class Potential:
-    """Π(p, u) = Σ c Π_d f_d(x_d), x = (p, u_1 … u_k)."""
+    """The potential Π(p, u) = Σ c Π_d f_d(x_d), x = (p, u_1 … u_k)."""
 
     def __init__(self, *terms: tuple[float, tuple[Function, ...]]) -> None:
         self.terms = terms
@@ -42,7 +42,7 @@ class Potential:
         )
 
     def law(self, p: float, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """τ (k,), ∂τ/∂p (k,), ∂τ/∂u (k, k)."""
+        """Return τ (k,), ∂τ/∂p (k,), ∂τ/∂u (k, k)."""
         x, k = np.concatenate([[p], u]), len(u)
         unit = np.eye(k + 1, dtype=int)
         tau = np.array([-self.derivative(x, tuple(unit[1 + i])) for i in range(k)])
@@ -54,7 +54,7 @@ class Potential:
 
 
 class Analytic(ModuleSolver):
-    """States of a potential; counts them, stops or refuses where it is told to."""
+    """A solver of a potential that counts its states, and stops or refuses where the test requires it."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class Analytic(ModuleSolver):
 
 
 def bellow(seed: int = 0) -> Potential:
-    """A bellow-like law of one axis, p up to 1: a stiffening spring, a gain that falls with u, a ripple."""
+    """Return a bellow-like law of one axis, p up to 1: a stiffening spring, a gain that falls with u, a ripple."""
     random = np.random.default_rng(seed)
     gain, softening, stiff, rate, wave = random.uniform([0.8, 0.3, 0.5, -1.0, 1.0], [1.2, 0.9, 2.0, 1.0, 4.0])
     return Potential(
@@ -139,7 +139,7 @@ def bellow(seed: int = 0) -> Potential:
 
 
 def helix(coupled: float = 0.4, one_sided: float = 0.0) -> Potential:
-    """Three axes x, y, z: y is actuated; lateral stiffness grows with u_y and p; `one_sided` breaks the mirror."""
+    """Return axes x, y, z with y actuated; lateral stiffness grows with u_y and p; `one_sided` breaks the symmetry."""
     one, p = power(0), power(1)
     return Potential(
         (0.5, (one, one, power(2), one)),
@@ -156,12 +156,12 @@ def helix(coupled: float = 0.4, one_sided: float = 0.0) -> Potential:
 
 
 def line(stiffness: float, gain: float = 1.0) -> Potential:
-    """τ = gain · p − stiffness · u."""
+    """Return τ = gain · p − stiffness · u."""
     return Potential((stiffness / 2, (power(0), power(2))), (-gain, (power(1), power(1))))
 
 
 class Counting(Silent):
-    """A bar that is never behind its count; notes."""
+    """A progress bar whose total is never below its count, with its notes."""
 
     def __init__(self) -> None:
         self.notes: list[str] = []
@@ -187,20 +187,20 @@ def config(**changes: object) -> FemConfig:
 
 
 def sampled(solver, folder, progress=None, loads=None, limits=(-math.inf, math.inf), **changes) -> Sampling:
-    """The sampling of one axis by this solver."""
+    """Return the sampling of one axis by this solver."""
     folder.mkdir(exist_ok=True)
     settings = config(**changes)
-    piece = Piece("main", solver, ("y",), "y", limits)
+    piece = Subproblem("main", solver, ("y",), "y", limits)
     return sample([piece], settings, settings.pressure_max_pa, folder, progress or Silent(), loads)
 
 
 def full_and_main(potential: Potential, folder, stop_after=10**9, loads=None, **changes):
-    """The sampling of `helix`-like modules of three axes, and the solvers of the main piece and of the full one."""
+    """Return the sampling of `helix`-like modules of three axes, and the solvers of the main and the full piece."""
     folder.mkdir(exist_ok=True)
     # The main axis alone, the others at zero.
     alone = ((c * f[1](0.0, 0) * f[3](0.0, 0), (f[0], f[2])) for c, f in potential.terms)
     main, full = Analytic(Potential(*alone)), Analytic(potential, ("x", "y", "z"), stop_after=stop_after)
-    pieces = [Piece("main", main, ("y",), "y"), Piece("full", full, ("x", "y", "z"), "y")]
+    pieces = [Subproblem("main", main, ("y",), "y"), Subproblem("full", full, ("x", "y", "z"), "y")]
     settings = {"kind": "any", "pressure_max_pa": 1.0, "error": 2e-3, **changes}
     done = sample(pieces, FemConfig.model_validate(settings), 1.0, folder, Silent(), loads)
     return done, main, full

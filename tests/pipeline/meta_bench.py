@@ -1,4 +1,4 @@
-"""Springs with the stand-in meta-model, for tests: solved designs, and a study of one that nobody solved."""
+"""Springs with the stand-in meta-model, for tests: solved designs, and a study of an unsolved one."""
 
 from itertools import product
 from pathlib import Path
@@ -25,23 +25,23 @@ task: {{kind: free_bending, pressure: 10 kPa}}
 
 
 def solved(folder, sweep=SWEEP):
-    """A sweep of springs, solved in this process."""
+    """Return a sweep of springs, solved in this process."""
     return api.sweep(api.open_study(study(folder, sweep), store=folder / "store"), workers=1)
 
 
 def springs_law(radius_m, length_m):
-    """k, c, d of τ = k p − c u − d u² (springs_plugin.py)."""
+    """Return k, c, d of τ = k p − c u − d u² (springs_plugin.py)."""
     return 2e-6 * (radius_m / 5e-3) ** 2, 0.05 * (radius_m / 5e-3) ** 3, 0.02 * length_m / 0.01
 
 
 def free_angle(radius_m, length_m, p):
-    """Where the spring has no effort."""
+    """Return the angle at which the spring has no effort."""
     k, c, d = springs_law(radius_m, length_m)
     return (-c + np.sqrt(c * c + 4 * d * k * p)) / (2 * d)
 
 
 def table(folder, radii=RADII, lengths=LENGTHS):
-    """A table of springs as a sweep writes it, by the formula."""
+    """Return a table of springs as a sweep writes it, by the formula."""
     rows = ["pressure_pa,angle_rad,moment_n_m,branch,role,radius_m,length_m,design"]
     for number, (r, length) in enumerate(product(radii, lengths)):
         k, c, d = springs_law(r, length)
@@ -59,7 +59,7 @@ def table(folder, radii=RADII, lengths=LENGTHS):
 
 
 def unseen(folder, *changes, data=None):
-    """The path of a study of an unseen design; `changes` are pairs of texts to replace."""
+    """Return the path of a study of an unseen design; `changes` are pairs of texts to replace."""
     text = UNSEEN.replace("TABLE", str(data or table(folder)))
     for old, new in changes:
         assert old in text
@@ -70,5 +70,5 @@ def unseen(folder, *changes, data=None):
 
 
 def opened(folder, *changes, data=None, overrides=()):
-    """The same, opened."""
+    """Write a study of an unseen design and open it."""
     return api.open_study(unseen(folder, *changes, data=data), overrides, store=folder / "store")

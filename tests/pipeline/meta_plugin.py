@@ -3,7 +3,7 @@
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
-CONTRACT = 2
+CONTRACT = 3
 
 PLACE = "pliant.testing.meta_model_stand_in"
 

@@ -22,14 +22,14 @@ from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 from pliant.units import Length
 
-CONTRACT = 2
+CONTRACT = 3
 
 LOG = "SPRINGS_LOG"
 Defect = Literal["none", "stuck", "some_states", "raises", "dies", "dies_once", "exits"]
 
 
 class SpringsConfig(FamilyConfig):
-    """Two lengths, and what is wrong with the design."""
+    """Two lengths, and the defect of the design."""
 
     kind: Literal["springs"] = "springs"
     radius_m: Length = Field(gt=0, description="stiffness grows with it")
@@ -39,7 +39,7 @@ class SpringsConfig(FamilyConfig):
 
 
 class Springs(ActuatorFamily):
-    """A cube of one cell that nobody meshes finely."""
+    """A cube of one cell, which is never meshed more finely."""
 
     config: SpringsConfig
 
@@ -69,7 +69,7 @@ class Springs(ActuatorFamily):
 
 
 class SpringsProblem(ModuleProblem):
-    """A problem that remembers its design."""
+    """A problem that stores its design."""
 
     def __init__(self, *args, config: SpringsConfig, **kwargs) -> None:
         super().__init__(*args, **kwargs)
@@ -77,21 +77,21 @@ class SpringsProblem(ModuleProblem):
 
 
 class SpringsFemConfig(FemConfig):
-    """How long a state takes."""
+    """The duration of a state."""
 
     kind: Literal["springs_fem"] = "springs_fem"
     delay_s: float = Field(default=0.0, ge=0, description="time of one state")
 
 
 class SpringsFem(FEMBackend):
-    """Solves by the formula."""
+    """A backend that evaluates the formula."""
 
     def solver(self, problem: ModuleProblem, material) -> ModuleSolver:
         return SpringsSolver(problem, material, self.config.delay_s)
 
 
 class SpringsSolver(ModuleSolver):
-    """τ = k p − c u − d u²."""
+    """A solver of τ = k p − c u − d u²."""
 
     def __init__(self, problem, material, delay_s: float) -> None:
         self.problem, self.delay_s = problem, delay_s
@@ -120,7 +120,7 @@ class SpringsSolver(ModuleSolver):
         time.sleep(self.delay_s)
         self._misbehave(p, branch)
         held = ("y",) if branch == "constrained" else ()
-        state = FemState.of_one_axis(
+        state = FemState.from_one_axis(
             p,
             u,
             self.k * p - self.c * u - self.d * u * u if held else 0.0,
@@ -164,7 +164,7 @@ class SpringsSolver(ModuleSolver):
 
 
 def log(line: str) -> None:
-    """One line, appended whole."""
+    """Append one whole line."""
     path = os.environ.get(LOG)
     if path:
         handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)

@@ -19,19 +19,19 @@ fem: {{kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 2, an
 
 
 def study(folder, sweep, more=""):
-    """The path of a study with this sweep."""
+    """Return the path of a study with this sweep."""
     path = folder / "springs.yaml"
     path.write_text(f"{STUDY}sweep: {sweep}\n{more}")
     return path
 
 
 def opened(folder, sweep, *overrides, store="store", **others):
-    """The study, opened with a store in the folder."""
+    """Return the study, opened with a store in the folder."""
     return api.open_study(study(folder, sweep), overrides, store=folder / store, **others)
 
 
 def table(run):
-    """Every number of every design, for comparison bit by bit."""
+    """Return every number of every design, for comparison bit by bit."""
     return {
         o.design.number: np.concatenate(
             [
@@ -44,29 +44,29 @@ def table(run):
 
 
 def same(one, other):
-    """Whether two sweeps have the same data, bit for bit."""
+    """Return whether two sweeps have the same data, bit for bit."""
     return one.keys() == other.keys() and all(np.array_equal(one[n], other[n]) for n in one)
 
 
 def statuses(run):
-    """By number."""
+    """Return the statuses of the outcomes by design number."""
     return [outcome.status for outcome in run.outcomes]
 
 
 def solved(log):
-    """How often the solution of each state ended."""
+    """Count the finished solutions of each state."""
     lines = Path(log).read_text().splitlines() if Path(log).exists() else []
     words = [line.split(maxsplit=2) for line in lines]
     return Counter(state for what, _, state in words if what == "end")
 
 
 def solved_again(log):
-    """The states that were solved more than once: of each worker cut off, it may be the one not yet written."""
+    """Return the states that were solved more than once: each interrupted worker may repeat its unwritten one."""
     counts = solved(log)
     assert set(counts.values()) <= {1, 2}
     return [state for state, n in counts.items() if n > 1]
 
 
 def pids(log):
-    """The processes that solved."""
+    """Return the ids of the processes that solved."""
     return {line.split()[1] for line in Path(log).read_text().splitlines()}

@@ -25,13 +25,13 @@ class Spring(JointLaw):
         return LawRecord("spring", {}, {})
 
 
-def chain_of(modules=3, length=0.01, mass=0.002, **config):
+def make_chain(modules=3, length=0.01, mass=0.002, **config):
     settings = ChainConfig.model_validate({"modules": modules, **config})
     return build_chain(settings, [Segment(rod_module(Spring(), length, mass), modules, 0.0)])
 
 
-def test_masses_add_up_and_a_body_of_two_halves_is_a_rod():
-    chain = chain_of(3)
+def test_masses_add_up_and_a_body_with_two_halves_is_a_rod():
+    chain = make_chain(3)
     assert sum(b.mass_kg for b in chain.bodies) == pytest.approx(0.006)
     middle = chain.bodies[1]
     assert middle.com_m == pytest.approx([0.005, 0, 0])
@@ -74,10 +74,10 @@ class Tendon(Spring):
     actuation_name = "tendon_force_n"
 
 
-def test_actuators_take_the_input_of_the_law():
+def test_actuators_take_the_law_input():
     tendons = [{"input": "tendon_force_1_n"}, {"input": "tendon_force_2_n", "sign": -1}]
     with pytest.raises(UserError, match="'tendon_force_1_n', but the chain's law takes pressure_pa"):
-        chain_of(actuators=tendons)
+        make_chain(actuators=tendons)
     config = ChainConfig.model_validate({"modules": 2, "actuators": tendons})
     chain = build_chain(config, [Segment(rod_module(Tendon(), 0.01, 0.002), 2, 0.0)])
     assert [a.input for a in chain.actuators] == ["tendon_force_1_n", "tendon_force_2_n"]
@@ -101,7 +101,7 @@ def about_y(angle):
 
 
 def test_turned_segments_against_a_chain_written_out_by_hand():
-    """Module after module from the contracts' words: half, hinge, half; weights and tip force times heights."""
+    """Module after module as in contracts.md: half, hinge, half; weights and tip force times heights."""
     half_axes = np.diag([1e-8, 2e-8, 3e-8])
 
     def module(length, mass, beside):
@@ -141,7 +141,7 @@ def test_turned_segments_against_a_chain_written_out_by_hand():
         return np.array([*markers, place]), potential - (0.013 * gravity + force) @ place
 
     statics = ChainStatics(chain)
-    loads = Loads.of(chain, Inputs({"pressure_pa": 0.0}, force))
+    loads = Loads.from_inputs(chain, Inputs({"pressure_pa": 0.0}, force))
     q = np.random.default_rng(0).normal(size=7) * 0.4
     markers, potential = by_hand(q)
     np.testing.assert_allclose(statics.geometry.markers(q[:, None]), markers, atol=1e-15)
@@ -151,7 +151,7 @@ def test_turned_segments_against_a_chain_written_out_by_hand():
 
 
 def test_mass_beside_the_hinge_line_swings_under_it():
-    """Material at +z: a hanging finger bends toward its bellow's far side, a horizontal one sags, −u."""
+    """With material at +z a hanging finger bends toward its bellow's far side, and a horizontal one sags, −u."""
     rod = rod_module(Spring(), 0.01, 0.002)
     halves = (m.shifted(np.array([0, 0, 0.003])) for m in (rod.mass.start, rod.mass.end))
     segments = [Segment(Module(Spring(), 0.01, ModuleMass(*halves)), 2, 0.0)]

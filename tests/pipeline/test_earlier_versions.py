@@ -1,4 +1,4 @@
-"""What commit 13594f6 left opens today: its study, its store, its run folder; its FEM data are taken over."""
+"""Files of commit 13594f6 open today: its study, its store, its run folder; its FEM data are reused."""
 
 import json
 import shutil
@@ -19,12 +19,12 @@ STUDIES = ("finger.yaml", "extended.yaml")
 
 @pytest.fixture(scope="module")
 def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the earlier folder that may be written to; what one command adopts, the next ones find."""
+    """Return a writable copy of the earlier folder; data adopted by one command are found by the next ones."""
     return Path(shutil.copytree(EARLIER, tmp_path_factory.mktemp("of") / "earlier"))
 
 
 def _json(folder: Path, *arguments: str) -> dict:
-    """The JSON of a command that ends well."""
+    """Return the JSON of a command that succeeds."""
     target = folder / "answer.json"
     options = [] if arguments[0] == "report" else ["--store", str(folder / "store"), "--json", str(target)]
     called(*arguments, *options).done()
@@ -47,7 +47,7 @@ def test_fem_data_are_adopted_and_give_the_same_run(earlier: Path) -> None:
 
 
 class SolvedAnewError(Exception):
-    """Stands for the minutes that it takes."""
+    """Raised in place of a solution that would take minutes."""
 
 
 @pytest.mark.slow

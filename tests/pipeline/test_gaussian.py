@@ -17,7 +17,7 @@ def all_orders(axes: int) -> np.ndarray:
 
 
 def wavy(points: np.ndarray, orders: np.ndarray) -> np.ndarray:
-    """(n, a) derivatives of sin(0.9 Σ c_d x_d + 0.2)."""
+    """Return (n, a) derivatives of sin(0.9 Σ c_d x_d + 0.2)."""
     c = 0.9 * np.linspace(1.0, 0.6, points.shape[1])
     phase = points @ c + 0.2
     return np.stack([np.prod(c**a) * np.sin(phase + a.sum() * np.pi / 2) for a in orders], axis=1)
@@ -42,7 +42,7 @@ def test_a_quadratic_potential_is_known_exactly(axes):
 
 
 @pytest.mark.parametrize("axes", [1, 3])
-def test_predicted_slopes_are_those_of_the_predicted_effort(axes):
+def test_predicted_slopes_match_the_predicted_effort(axes):
     points, orders = scattered(axes, 10), all_orders(axes)
     process = fit(points, orders, wavy(points, orders).ravel())
     here, h = scattered(axes, 5, seed=2), 1e-4

@@ -1,4 +1,4 @@
-"""What a stage's key is made of: everything that changes its result, and nothing that does not."""
+"""The key of a stage depends on everything that changes its result, and on nothing else."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pliant.config.loading import load_study
 from pliant.execution.progress import Silent
 from pliant.interfaces.base import FrozenModel
 from pliant.pipeline.chain import family_module
+from pliant.pipeline.run_folder import finished
 from pliant.pipeline.study import simulate_study
-from pliant.pipeline.workbench import Workbench, content
+from pliant.pipeline.workbench import RunContext, content
 from pliant.registry.discovery import discover
-from pliant.report.folder import finished
 from pliant.report.run import run_document, stored_run_page
 from pliant.store.store import ArtifactStore
 from pliant_plugins.families.reference import FINGER
@@ -47,11 +47,11 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def run_of(folder):
+def run_study(folder):
     def run(stiffness=0.03, **changes):
         table(folder / "law.csv", stiffness)
         (folder / "study.yaml").write_text(json.dumps({**STUDY, **changes}))
-        bench = Workbench(REGISTRY, ArtifactStore(folder / "store"))
+        bench = RunContext(REGISTRY, ArtifactStore(folder / "store"))
         return simulate_study(bench, load_study(folder / "study.yaml", REGISTRY, ()))
 
     return run
@@ -96,14 +96,14 @@ SAME = {
 }
 
 
-def test_everything_that_matters_changes_the_key_and_another_way_to_write_it_does_not(run_of):
-    first = key(run_of())
-    keys = {name: key(run_of(**changes)) for name, changes in DIFFERENT.items()}
+def test_everything_that_matters_changes_the_key_and_another_way_to_write_it_does_not(run_study):
+    first = key(run_study())
+    keys = {name: key(run_study(**changes)) for name, changes in DIFFERENT.items()}
     assert first not in keys.values() and len(set(keys.values())) == len(keys)
     for segments in SAME.values():
-        run = run_of(chain={"segments": segments})
+        run = run_study(chain={"segments": segments})
         assert key(run) == first and run.segment_designs == (0, 1)
-    assert keys["one design"] == key(run_of(chain={"segments": [{"modules": 3}]}))
+    assert keys["one design"] == key(run_study(chain={"segments": [{"modules": 3}]}))
 
 
 def test_a_file_named_by_a_config_counts_by_its_content(tmp_path):
@@ -111,19 +111,19 @@ def test_a_file_named_by_a_config_counts_by_its_content(tmp_path):
     file.write_text("one")
     copy.write_text("one")
 
-    def of(path):
+    def nested_config(path):
         return Outer(file=path, inner=Inner(file=path), more=(path, path), named={"x": path})
 
-    before = content(of(file))
-    assert content(of(copy)) == before
+    before = content(nested_config(file))
+    assert content(nested_config(copy)) == before
     assert before["number"] == 0.1
     file.write_text("two")
-    after = content(of(file))
+    after = content(nested_config(file))
     assert [name for name in before if before[name] != after[name]] == ["file", "inner", "more", "named"]
-    assert content(of(tmp_path / "nowhere"))["file"] == str(tmp_path / "nowhere")
+    assert content(nested_config(tmp_path / "nowhere"))["file"] == str(tmp_path / "nowhere")
 
 
-def test_without_a_density_a_module_has_that_of_water():
+def test_without_a_density_a_module_has_that_for_water():
     config = REGISTRY.get("family", "bellow_bending").config_model()
     family = REGISTRY.build("family", config.model_validate(STUDY["family"]))
     water, none = family_module(None, family, 1000.0), family_module(None, family, None)
@@ -136,17 +136,17 @@ def render_stored(bench, run):
 
 
 @pytest.mark.slow
-def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_of, folder, tmp_path):
+def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_study, folder, tmp_path):
     class Notes(Silent):
         def note(self, text):
             pytest.fail(text)
 
-    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Notes())
-    run = run_of()
+    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"), Notes())
+    run = run_study()
     render_stored(bench, run)
     pages = set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]"))
-    render_stored(bench, run_of())
+    render_stored(bench, run_study())
     assert set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) == pages
     (run.engines[0].artifact.folder / "value.json").unlink()
-    render_stored(bench, run_of())
+    render_stored(bench, run_study())
     assert len(set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) - pages) == 1

@@ -1,4 +1,4 @@
-"""Learning curves over states: nested spread subsets, errors that fall, what cannot be fitted, what is kept."""
+"""Learning curves over states: nested spread subsets, decreasing errors, unfittable subsets, cached results."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from pliant.pipeline.learning import (
     subset_sizes,
     with_checks,
 )
-from pliant.pipeline.residuals import Residuals, as_scored, module_of, module_of_axes
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.residuals import Residuals, as_module_data, as_scored, module_from_axes
+from pliant.pipeline.workbench import RunContext
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
-from pliant.testing.samples import linear_law, softening_law, table_of
+from pliant.testing.samples import linear_law, sample_table, softening_law
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 
 def data(noise_n_m: float = 0.0) -> ModuleData:
-    return module_of(table_of(softening_law(), noise_n_m=noise_n_m))
+    return as_module_data(sample_table(softening_law(), noise_n_m=noise_n_m))
 
 
 def polynomial() -> Polynomial:
@@ -50,8 +50,10 @@ def test_an_order_is_spread_from_its_beginning() -> None:
     assert not np.array_equal(order, other) and sorted(other) == list(range(25))
 
 
-def test_errors_fall_to_nothing_for_a_law_of_the_surrogates_own_form() -> None:
-    curve = learning_curve(Polynomial(PolynomialConfig(kind="polynomial")), module_of(table_of(linear_law())))
+def test_errors_vanish_for_a_law_in_the_surrogates_own_form() -> None:
+    curve = learning_curve(
+        Polynomial(PolynomialConfig(kind="polynomial")), as_module_data(sample_table(linear_law()))
+    )
     assert curve["n_check"] == 10
     last = [p for p in curve["points"] if p["n"] == max(curve["sizes"])]
     assert {p["slopes"] for p in last} == {WITH, WITHOUT}
@@ -60,7 +62,7 @@ def test_errors_fall_to_nothing_for_a_law_of_the_surrogates_own_form() -> None:
     assert "at least 6 states" in curve["left_out"][0]["cause"]
 
 
-def test_scores_are_those_of_the_law_of_all_states() -> None:
+def test_scores_equal_the_law_from_all_states() -> None:
     module = data(noise_n_m=5e-5)
     curve = learning_curve(polynomial(), module)
     law = polynomial().fit_module(module).law
@@ -116,7 +118,7 @@ def test_a_table_without_check_states_holds_out_inner_ones() -> None:
 def test_an_interrupted_curve_goes_on_and_a_damaged_one_starts_anew(tmp_path: Path) -> None:
     kept = tmp_path / "points.json"
     first = learning_curve(polynomial(), data(), kept=kept)
-    never = SimpleNamespace(fit_module=None)  # would fail if it were asked
+    never = SimpleNamespace(fit_module=None)  # would fail if it were evaluated
     assert learning_curve(never, data(), kept=kept) == first  # type: ignore[arg-type]
     kept.write_text("{")
     again = learning_curve(polynomial(), data(), kept=kept)
@@ -124,7 +126,7 @@ def test_an_interrupted_curve_goes_on_and_a_damaged_one_starts_anew(tmp_path: Pa
 
 
 def test_the_store_gives_the_curve_again(tmp_path: Path) -> None:
-    bench = Workbench(discover(), ArtifactStore(tmp_path))
+    bench = RunContext(discover(), ArtifactStore(tmp_path))
     config = PolynomialConfig(kind="polynomial", max_degree=2)
     first = learning_stage(bench, config, data(), {"law": "a"})
     again = learning_stage(bench, config, data(), {"law": "a"})
@@ -133,10 +135,10 @@ def test_the_store_gives_the_curve_again(tmp_path: Path) -> None:
 
 
 def test_misses_count_each_axis_in_its_own_states_and_all_where_all_are_held() -> None:
-    one = table_of(linear_law())
-    module = module_of_axes({"y": one, "x": replace(one, axis="x")}, ("x", "y"))
+    one = sample_table(linear_law())
+    module = module_from_axes({"y": one, "x": replace(one, axis="x")}, ("x", "y"))
     together = replace(module, explored=np.where(np.arange(len(module)) < 3, "coupling", module.explored))
-    missed = Residuals.of(
+    missed = Residuals.from_prediction(
         together, ("x", "y"), lambda p, u: np.nan_to_num(together.tau) + [0.0, 1e-3], box(2)
     )
     assert missed.ranges == pytest.approx([np.ptp(one.moment_n_m[: len(one)])] * 2)
@@ -150,20 +152,22 @@ def test_misses_count_each_axis_in_its_own_states_and_all_where_all_are_held() -
 def test_states_outside_the_box_or_not_trusted_are_not_scored() -> None:
     module = data()
     law = replace(softening_law())
-    every = Residuals.of_law(module, law)
+    every = Residuals.from_law(module, law)
     assert len(every.state) == len(module) and every.worst < 1e-15
-    narrow = Residuals.of(module, ("y",), lambda p, u: 0 * u, np.array([[0.0, 7e3], [-0.1, 0.2]]))
+    narrow = Residuals.from_prediction(
+        module, ("y",), lambda p, u: 0 * u, np.array([[0.0, 7e3], [-0.1, 0.2]])
+    )
     assert module.actuation[narrow.state].max() <= 7e3 and module.deformation[narrow.state].max() <= 0.2
     touching = replace(module, status=np.where(np.arange(len(module)) < 5, "self_contact", "ok"))
-    assert len(Residuals.of_law(touching, law).state) == len(module) - 5
+    assert len(Residuals.from_law(touching, law).state) == len(module) - 5
 
 
-def test_the_scored_states_of_a_table_are_found_again() -> None:
+def test_the_scored_states_in_a_table_are_found_again() -> None:
     module = replace(data(), role=np.full(len(data()), "fit"))
     report = polynomial().fit_module(module).report
     scored = as_scored(module, report)
     assert (scored.role == "check").sum() == report.n_heldout
-    assert Residuals.of_law(scored, polynomial().fit_module(module).law).rows(
+    assert Residuals.from_law(scored, polynomial().fit_module(module).law).rows(
         scored.role == "check"
     ).worst == (pytest.approx(report.worst_of_range, rel=1e-9))
 
@@ -172,7 +176,7 @@ def box(axes: int) -> np.ndarray:
     return np.tile([-np.inf, np.inf], (1 + axes, 1))
 
 
-def test_axes_take_turns_and_sizes_grow_by_the_root_of_two_to_all_states() -> None:
+def test_axes_take_turns_and_sizes_grow_by_root_two_to_all_states() -> None:
     groups = np.array(["y"] * 8 + ["x"] * 4)
     order = spread_order(np.random.default_rng(0).random((12, 3)), groups, seed=0)
     assert groups[order][:8].tolist() == ["y", "x"] * 4

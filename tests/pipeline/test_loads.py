@@ -1,4 +1,4 @@
-"""The frames of a load slider: those of the study with that load, and none where there is nothing to slide."""
+"""The frames of a load slider are those of the study with that load; without a load the list is empty."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pliant.config.loading import load_study
+from pliant.pipeline.run_folder import finished, read_folder, write_folder
 from pliant.pipeline.study import StudyRun, simulate_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.registry.discovery import discover
-from pliant.report.folder import finished, read_folder, write_folder
 from pliant.store.store import ArtifactStore
 
 STUDY = """\
@@ -31,7 +31,7 @@ REGISTRY = discover()
 def run(folder: Path, task: str, physics: str = "quasistatic") -> StudyRun:
     (folder / "study.yaml").write_text(f"{STUDY}physics: {physics}\ntask: {task}\n")
     return simulate_study(
-        Workbench(REGISTRY, ArtifactStore(folder / "store")),
+        RunContext(REGISTRY, ArtifactStore(folder / "store")),
         load_study(folder / "study.yaml", REGISTRY, ()),
     )
 
@@ -66,7 +66,7 @@ def test_a_frame_is_the_study_with_that_load(tmp_path: Path, whole: str, half: s
         ("{kind: tip_load, pressure: 5 kPa, steps: 2, payload: 8 g}", "mujoco"),
     ],
 )
-def test_without_a_load_and_in_an_engine_of_motions_there_are_none(
+def test_without_a_load_and_in_a_dynamic_engine_there_are_none(
     tmp_path: Path, task: str, physics: str
 ) -> None:
     assert run(tmp_path, task, physics).loads is None

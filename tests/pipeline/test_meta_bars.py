@@ -1,4 +1,4 @@
-"""Error bars of unseen designs: honest on designs as those left out, blind to the design itself."""
+"""Error bars of unseen designs cover the errors of held-out designs and do not depend on the design itself."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ STATES = 20
 
 
 def misses(random, designs, states=STATES, slope=1.0):
-    """(n, s, 3) p, u in [−1, 1] and misses: larger for some designs, larger with |u|, one sign within a design."""
+    """Return (n, s, 3) p, u in [−1, 1] and misses: larger for some designs and with |u|, one sign within a design."""
     n = len(designs)
     size = 1e-3 * np.exp(1.5 * slope * designs[:, 0] + 0.5 * random.standard_normal(n))
     places = random.uniform(-1, 1, (n, states, 2))
@@ -23,7 +23,7 @@ def misses(random, designs, states=STATES, slope=1.0):
     return places, (sign * size)[:, None] * shape
 
 
-def bars_of(designs, places, missed, doubt=None):
+def make_bars(designs, places, missed, doubt=None):
     n, states = missed.shape
     return Bars(
         low=np.zeros(2),
@@ -48,15 +48,15 @@ SIZE = 0.02 + 0.04  # range of LAW's effort over its box
 
 
 def band(bars, values, places, level):
-    """Half-widths of LAW's band at scaled places, in its own unit."""
+    """Return half-widths of LAW's band at scaled positions, in its own unit."""
     bar = bars.bar(LAW, values, 1.0)
     return bar.half_width(1e4 * (places[:, 0] + 1), 0.5 * places[:, 1:2], level)[:, 0]
 
 
 def test_the_record_says_what_the_bars_say(sample):
     designs, places, missed = sample
-    bars = bars_of(designs, places, missed)
-    one, everyone = _Axis.of(bars, 0), np.ones(60, bool)
+    bars = make_bars(designs, places, missed)
+    one, everyone = _Axis.from_bars(bars, 0), np.ones(60, bool)
     power = one.power(everyone)
     sizes = one.sizes(power, everyone)
     at = np.array([[0.4, 0.6]])
@@ -71,7 +71,7 @@ def test_the_record_says_what_the_bars_say(sample):
 
 def test_bars_cover_designs_that_are_left_out(sample):
     designs, places, missed = sample
-    found = bars_of(designs, places, missed).coverage(np.any(np.abs(designs - 0.5) > 0.4, axis=1))
+    found = make_bars(designs, places, missed).coverage(np.any(np.abs(designs - 0.5) > 0.4, axis=1))
     assert 0.85 <= found["all"]["0.9"] <= 0.95
     assert 0.42 <= found["all"]["0.5"] <= 0.58
     assert found["all"]["0.99"] >= 0.97
@@ -80,7 +80,7 @@ def test_bars_cover_designs_that_are_left_out(sample):
 
 def test_bars_cover_new_designs(sample):
     designs, places, missed = sample
-    bars = bars_of(designs, places, missed)
+    bars = make_bars(designs, places, missed)
     random = np.random.default_rng(11)
     new = random.random((100, 2))
     new_places, new_missed = misses(random, new)
@@ -95,7 +95,7 @@ def test_designs_count_not_states(sample):
     designs, places, missed = sample
     states = np.repeat(np.arange(60), np.where(np.arange(60) == 7, STATES, 4))
     few = np.concatenate([np.arange(STATES) if d == 7 else np.arange(4) for d in range(60)])
-    bars = bars_of(designs, places, missed)
+    bars = make_bars(designs, places, missed)
     thin = replace(
         bars,
         design=states,
@@ -103,7 +103,7 @@ def test_designs_count_not_states(sample):
         share=np.abs(missed)[states, few][:, None],
     )
     assert thin.weights[states == 7].sum() == pytest.approx(thin.weights[states == 8].sum())
-    one, everyone = _Axis.of(thin, 0), np.ones(60, bool)
+    one, everyone = _Axis.from_bars(thin, 0), np.ones(60, bool)
     sizes = one.sizes(0.0, everyone)
     score = thin.share[:, 0] / (one.places(sizes, everyone, own=True) * sizes[states])
     level = 0.8
@@ -114,11 +114,11 @@ def test_designs_count_not_states(sample):
     assert sum(below) / 61 < level
 
 
-def test_the_bar_of_a_design_does_not_know_its_own_misses(sample):
+def test_a_design_bar_does_not_know_its_own_misses(sample):
     designs, places, missed = sample
     tenfold = missed.copy()
     tenfold[5] *= 10
-    one, other = (_Axis.of(bars_of(designs, places, m), 0) for m in (missed, tenfold))
+    one, other = (_Axis.from_bars(make_bars(designs, places, m), 0) for m in (missed, tenfold))
     rest = np.arange(60) != 5
     for axis in (one, other):
         assert axis.covered(5, (1.0,)).shape == (1,)
@@ -136,19 +136,19 @@ def test_a_doubt_that_tells_is_followed_and_one_that_does_not_is_not():
     designs = random.random((60, 2))
     doubt = np.exp(random.standard_normal(60))
     places, missed = misses(random, designs, slope=0.0)
-    told = bars_of(designs, places, missed * doubt[:, None], doubt)
-    assert _Axis.of(told, 0).power(np.ones(60, bool)) == 1.0
+    told = make_bars(designs, places, missed * doubt[:, None], doubt)
+    assert _Axis.from_bars(told, 0).power(np.ones(60, bool)) == 1.0
     assert band(told, designs[0], places[0], 0.9).shape == (STATES,)
     wide = told.bar(LAW, designs[0], 4.0).half_width(np.array([1e4]), np.array([[0.1]]))
     narrow = told.bar(LAW, designs[0], 1.0).half_width(np.array([1e4]), np.array([[0.1]]))
     assert wide == pytest.approx(4 * narrow)
-    idle = bars_of(designs, places, missed, doubt)
-    assert _Axis.of(idle, 0).power(np.ones(60, bool)) == 0.0
+    idle = make_bars(designs, places, missed, doubt)
+    assert _Axis.from_bars(idle, 0).power(np.ones(60, bool)) == 0.0
 
 
-def test_an_axis_without_states_of_a_design(sample):
+def test_an_axis_without_design_states(sample):
     designs, places, missed = sample
-    bars = bars_of(designs, places, missed)
+    bars = make_bars(designs, places, missed)
     share = bars.share.copy()
     share[bars.design == 3] = np.nan
     found = replace(bars, share=share).coverage(np.zeros(60, bool))
@@ -167,7 +167,7 @@ def test_many_designs_are_thinned(monkeypatch, sample):
 def test_levels_that_few_designs_cannot_know_grow_as_normal_errors_do():
     random = np.random.default_rng(1)
     designs = random.random((8, 2))
-    bar = bars_of(designs, *misses(random, designs, slope=0.0)).bar(LAW, designs[0], 1.0)
+    bar = make_bars(designs, *misses(random, designs, slope=0.0)).bar(LAW, designs[0], 1.0)
     known, stated, rare = (bar.quantile(level)[0] for level in (8 / 9, 0.95, 0.99))
     assert stated / known == pytest.approx(1.95996 / 1.59322, rel=2e-3)
     assert rare / known == pytest.approx(2.57583 / 1.59322, rel=2e-3)

@@ -1,4 +1,4 @@
-"""Designs for a meta-model: from a sweep or its table, and what does not belong together."""
+"""Designs for a meta-model: from a sweep or its table, and refused combinations."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from pliant.testing.solved_samples import solved_spherical_designs
 
 
 def parts(designs):
-    """What `assembled` takes, of solved samples."""
+    """Return the arguments of `assembled` for solved samples."""
     constants = [dict(one.design.parameters) for one in designs.data]
     return constants, list(designs.data), [f"design {n}" for n in range(len(designs))]
 
@@ -45,7 +45,7 @@ def test_doubles_that_agree_count_once_and_doubles_that_contradict_are_refused()
         assembled("sample", constants, [*data, other], labels, "here")
 
 
-def test_a_kind_of_one_actuation_refuses_several_before_a_state_is_solved(tmp_path):
+def test_a_kind_with_one_actuation_refuses_several_before_a_state_is_solved(tmp_path):
     text = (
         f"pliant: 1\nname: two\nplugins: ['{bench.META_PLUGIN}']\n"
         "material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}\n"
@@ -61,7 +61,7 @@ def test_a_kind_of_one_actuation_refuses_several_before_a_state_is_solved(tmp_pa
         solved_designs(opened.bench, opened.study)
 
 
-def test_a_table_of_another_family_is_told_by_its_columns(tmp_path):
+def test_a_table_for_another_family_is_recognised_by_its_columns(tmp_path):
     path = bench.table(tmp_path)
     path.write_text(path.read_text().replace("radius_m", "bore_m"))
     opened = bench.opened(tmp_path, data=path)
@@ -69,7 +69,7 @@ def test_a_table_of_another_family_is_told_by_its_columns(tmp_path):
         solved_designs(opened.bench, opened.study)
 
 
-def test_designs_have_the_numbers_of_the_table_and_a_parameter_that_is_missing_is_thought_of(tmp_path):
+def test_designs_have_the_table_numbers_and_a_missing_parameter_is_considered(tmp_path):
     head, *rows = (line.split(",") for line in bench.table(tmp_path).read_text().splitlines())
     kept = [head[:6] + head[7:], *([*row[:6], str(10 + 3 * int(row[7]))] for row in rows)]  # without length_m
     path = tmp_path / "less.csv"

@@ -1,4 +1,4 @@
-"""What to solve next: by gain, doubt or distance, and nothing that is impossible or there already."""
+"""The next designs to solve: by gain, doubt or distance, without impossible or solved ones."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def unseen(tmp_path_factory):
 
 
 def near(unseen, proposals):
-    """(n,) distance of each proposal to the nearest solved design, the range being 1."""
+    """Return the (n,) distance of each proposal to the nearest solved design, the range being 1."""
     designs = unseen.stage.designs
     values = np.array([one.values for one in proposals])
     return next_design._distances(designs, values, designs.values).min(axis=1)
@@ -55,7 +55,7 @@ class _Mute:
         return self._laws.law(values)
 
 
-def test_designs_of_the_sweep_go_first_and_solved_ones_never(unseen):
+def test_sweep_designs_go_first_and_solved_ones_never(unseen):
     sweep = {"radius": ["4 mm", "4.2 mm", "5.4 mm"], "length": ["8 mm", "9.7 mm"]}
     study = unseen.opened.study
     study = study.model_copy(

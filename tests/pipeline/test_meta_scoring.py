@@ -1,4 +1,4 @@
-"""Scores on designs left out: closed forms, parts, what an interruption leaves."""
+"""Scores on designs left out: closed forms, parts, resumption after an interruption."""
 
 from dataclasses import dataclass, replace
 
@@ -10,10 +10,10 @@ from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
 from pliant.pipeline.meta_model.cross_validation import (
     Scores,
+    cross_validation_folds,
     free_branch,
     misses_left_out,
-    parts_of,
-    scores_of,
+    scores_by_place,
 )
 from pliant.records.law import Effort, JointLaw
 from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig
@@ -29,7 +29,7 @@ from pliant.testing.solved_samples import (
 
 @dataclass(frozen=True, eq=False)
 class Off(JointLaw):
-    """A law that is off by a constant."""
+    """A law with a constant error."""
 
     law: JointLaw
     by: float
@@ -48,7 +48,7 @@ class Off(JointLaw):
 
 @dataclass(frozen=True, eq=False)
 class KnownLaws(DesignLaws):
-    """The true laws, off by a constant."""
+    """The true laws with a constant error."""
 
     true: object
     by: float
@@ -61,7 +61,7 @@ class KnownLaws(DesignLaws):
 
 
 class Known(MetaModel):
-    """Knows the law of every design without a fit; `fits` counts them, `stop` interrupts one."""
+    """A model that knows the law of every design without a fit; `fits` counts them, `stop` interrupts one."""
 
     def __init__(self, true=sample_law, by=0.0, stop=None):
         super().__init__(MetaModelConfig(kind="known"))
@@ -78,8 +78,8 @@ class Known(MetaModel):
 
 
 def scores(model, designs, folder, folds=4):
-    parts = parts_of(designs, folds, model.fewest)
-    return scores_of(designs, misses_left_out(model, designs, parts, folder, Silent()))
+    parts = cross_validation_folds(designs, folds, model.fewest)
+    return scores_by_place(designs, misses_left_out(model, designs, parts, folder, Silent()))
 
 
 def test_a_true_law_has_no_error(tmp_path):
@@ -107,7 +107,7 @@ def test_a_constant_error_is_the_rmse_and_the_worst(tmp_path):
 def test_three_axes_are_scored_each(tmp_path):
     found = scores(Known(spherical_sample_law), solved_spherical_designs(), tmp_path)["all"]
     assert set(found.axes) == {"x", "y", "z"}
-    assert found.axes["x"].n_states < found.axes["y"].n_states  # states that do not move x say nothing of it
+    assert found.axes["x"].n_states < found.axes["y"].n_states  # others do not move x
     assert found.worst_of_range < 1e-9
 
 
@@ -122,7 +122,7 @@ def test_untrusted_states_are_not_scored(tmp_path):
     assert found.axes["y"].n_states == sum(map(len, designs.data)) - 3
 
 
-def test_the_free_branch_of_three_axes_is_its_equilibrium():
+def test_the_free_branch_with_three_axes_is_its_equilibrium():
     law = spherical_sample_law([7e-3, 1.4e-3])
     pressures = np.array([4e3, 9e3, PRESSURE_PA])
     found = free_branch(law, pressures)
@@ -141,7 +141,7 @@ def test_a_law_without_a_free_branch_counts_as_infinitely_wrong(tmp_path):
 
 def test_each_design_is_left_out_once_in_the_same_parts_each_time():
     designs = solved_designs((5, 5))
-    one, other = (parts_of(designs, 6, 4) for _ in range(2))
+    one, other = (cross_validation_folds(designs, 6, 4) for _ in range(2))
     assert sorted(np.concatenate(one)) == list(range(25))
     assert len(one) == 6
     assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
@@ -149,7 +149,7 @@ def test_each_design_is_left_out_once_in_the_same_parts_each_time():
 
 def test_an_interruption_loses_one_part(tmp_path):
     designs = solved_designs()
-    parts = parts_of(designs, 5, 4)
+    parts = cross_validation_folds(designs, 5, 4)
     with pytest.raises(KeyboardInterrupt):
         misses_left_out(Known(stop=3), designs, parts, tmp_path, Silent())
     again = Known()
@@ -162,7 +162,7 @@ def test_an_interruption_loses_one_part(tmp_path):
 
 def test_a_damaged_part_is_made_anew(tmp_path):
     designs = solved_designs((2, 4))
-    parts = parts_of(designs, 2, 4)
+    parts = cross_validation_folds(designs, 2, 4)
     misses_left_out(Known(), designs, parts, tmp_path, Silent())
     (tmp_path / "part-1" / "arrays.npz").write_bytes(b"torn")
     again = Known()
@@ -173,13 +173,13 @@ def test_a_damaged_part_is_made_anew(tmp_path):
 def test_scores_survive_the_store(tmp_path):
     model = StandInMetaModel(StandInMetaModelConfig())
     one = scores(model, solved_designs(), tmp_path)["border"]
-    assert Scores.of_values(one.as_values()) == one
+    assert Scores.from_values(one.as_values()) == one
 
 
 def test_few_designs_are_left_out_one_by_one_and_too_few_are_refused():
-    assert len(parts_of(solved_designs((3, 4)), 8, 4)) == 12
-    assert len(parts_of(solved_designs((2, 3)), 8, 4, stated=False)) == 6
+    assert len(cross_validation_folds(solved_designs((3, 4)), 8, 4)) == 12
+    assert len(cross_validation_folds(solved_designs((2, 3)), 8, 4, stated=False)) == 6
     with pytest.raises(UserError, match=r"folds is 60, and there are 16 designs; at most 16"):
-        parts_of(solved_designs(), 60, 4)
+        cross_validation_folds(solved_designs(), 60, 4)
     with pytest.raises(UserError, match="fitted to at least 4 designs and scored on one more, so 4 are too"):
-        parts_of(solved_designs((2, 2)), 4, 4)
+        cross_validation_folds(solved_designs((2, 2)), 4, 4)

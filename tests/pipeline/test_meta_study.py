@@ -1,4 +1,4 @@
-"""A study whose law comes from a meta-model: by nothing but parameters, inside the range, readable elsewhere."""
+"""A study whose law comes from a meta-model: by its parameters alone, inside the range, readable elsewhere."""
 
 import json
 import shutil
@@ -12,17 +12,17 @@ from tests.pipeline.sweep_bench import study as sweep_study
 from pliant import api
 from pliant.config.study import Study
 from pliant.errors import UserError
-from pliant.pipeline.meta_model.designs import values_of
+from pliant.pipeline.meta_model.designs import design_values
 from pliant.pipeline.meta_model.error_bars import LEVELS
-from pliant.pipeline.study import laws_of_study
-from pliant.report.folder import read_folder, write_folder
+from pliant.pipeline.run_folder import read_folder, write_folder
+from pliant.pipeline.study import build_study_laws
 
 RADIUS, LENGTH = 4.7e-3, 8.6e-3
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a table, a study and a store that keeps the fitted model."""
+    """Return a folder with a table, a study and a store that keeps the fitted model."""
     place = tmp_path_factory.mktemp("unseen")
     bench.unseen(place)
     return place
@@ -34,10 +34,10 @@ def opened(folder, *changes, overrides=()):
 
 def laws(folder, *changes, overrides=()):
     one = opened(folder, *changes, overrides=overrides)
-    return laws_of_study(one.bench, one.study)
+    return build_study_laws(one.bench, one.study)
 
 
-def test_the_law_of_an_unseen_design_is_close_and_its_band_holds_the_truth(folder):
+def test_the_law_for_an_unseen_design_is_close_and_its_band_covers_the_truth(folder):
     (stages,) = laws(folder)
     law = stages.law.law
     assert stages.fem is None
@@ -69,7 +69,7 @@ def test_a_sweep_is_solved_and_then_no_design_again(tmp_path, monkeypatch):
     )
     path.write_text(path.read_text().replace(f"plugins: ['{bench.PLUGIN}']", more))
     one = api.open_study(path, ["family.radius=4.6 mm", "family.length=8.3 mm"], store=tmp_path / "store")
-    (stages,) = laws_of_study(one.bench, one.study)
+    (stages,) = build_study_laws(one.bench, one.study)
     assert log_of(log).total() == before
     assert stages.law.report.details["n_designs"] == 6
     assert one.study.unused() == []
@@ -78,7 +78,7 @@ def test_a_sweep_is_solved_and_then_no_design_again(tmp_path, monkeypatch):
     with pytest.raises(
         UserError, match="material.shear_modulus is 230 kPa, and all solved designs .* 240 kPa"
     ):
-        values_of(
+        design_values(
             solved.designs.names,
             solved.designs.box,
             solved.designs.fixed,
@@ -96,7 +96,7 @@ def test_a_sweep_that_is_too_small_is_refused_before_it_is_solved(tmp_path, monk
     path.write_text(path.read_text().replace(f"plugins: ['{bench.PLUGIN}']", plugins))
     one = api.open_study(path, store=tmp_path / "store")
     with pytest.raises(UserError, match="at least 4 designs and scored on one more, so 4 are too few"):
-        laws_of_study(one.bench, one.study)
+        build_study_laws(one.bench, one.study)
     assert not log.exists()
 
 
@@ -157,7 +157,7 @@ CHAIN = "chain: {modules: 2, gravity: [0, 0, 0]}"
 STATED = "{kind: polynomial, form: study, coefficients: {k_n: 2e-6, m_a: 0, b_a: 0, m_e: 0.1, b_e: 0.05}}"
 
 
-def test_segments_of_two_designs_have_two_laws_and_one_with_a_surrogate_keeps_its_own(folder):
+def test_segments_with_two_designs_have_two_laws_and_one_with_a_surrogate_keeps_its_own(folder):
     segments = (
         f"{{modules: 1}}, {{modules: 1, family: {{radius: 5.2 mm}}}}, {{modules: 1, surrogate: {STATED}}}"
     )

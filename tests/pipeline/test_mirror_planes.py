@@ -1,4 +1,4 @@
-"""Mirror planes of a solved piece: their images make up the module, volume and energy alike."""
+"""Mirror planes of a solved piece: its images add up to the module, in volume and energy alike."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pliant.pipeline.dataset import mirror_planes
 from pliant.registry.component import Component
 from pliant.registry.discovery import discover
 
-FAMILIES = [c for c in discover().of("family") if c.package.startswith("pliant ")]
+FAMILIES = [c for c in discover().by_interface("family") if c.package.startswith("pliant ")]
 
 
 @pytest.mark.parametrize("component", FAMILIES, ids=[c.kind for c in FAMILIES])

@@ -1,4 +1,4 @@
-"""A study with a robot on somebody else's arm: what refuses it before anything is solved, its key, its pictures."""
+"""A study with a robot on another robot's arm: early refusals, its key, its pictures."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import pytest
 
 from pliant import api
 from pliant.config.loading import load_study
-from pliant.config.mjcf_files import files_of
+from pliant.config.mjcf_files import referenced_files
 from pliant.config.portable import write_portable
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.pipeline import study as stages
-from pliant.pipeline.motion import motion_of_run
+from pliant.pipeline.motion import run_motion
 from pliant.pipeline.study import simulate_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
 from pliant_plugins.families.reference import FINGER
@@ -46,7 +46,7 @@ def folder(tmp_path):
 
 
 def run(folder, *overrides, study="finger.yaml"):
-    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"))
+    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"))
     return bench, simulate_study(bench, load_study(folder / study, REGISTRY, overrides))
 
 
@@ -85,7 +85,7 @@ def run(folder, *overrides, study="finger.yaml"):
 def test_an_engine_that_cannot_is_refused_before_fem(folder, monkeypatch, changes, word):
     if changes.get("physics") == "pybullet":
         pytest.importorskip("pybullet")
-    monkeypatch.setattr(stages, "laws_of_study", lambda *_: pytest.fail("FEM had begun"))
+    monkeypatch.setattr(stages, "build_study_laws", lambda *_: pytest.fail("FEM had begun"))
     (folder / "fem.yaml").write_text(
         json.dumps({"pliant": 1, "name": "f", **STUDY, "chain": {"modules": 3, **MOUNT}, **changes})
     )
@@ -120,7 +120,7 @@ def test_what_the_arm_reads_is_in_the_key(folder, tmp_path_factory):
     assert key(folder) != first
 
 
-def test_models_that_an_arm_attaches_are_files_of_it_with_their_meshes(tmp_path):
+def test_models_that_an_arm_attaches_are_its_files_with_their_meshes(tmp_path):
     (tmp_path / "hand" / "assets").mkdir(parents=True)
     attached = '<mujoco><compiler meshdir="assets"/><asset><mesh file="nail.obj"/><model file="{}"/></asset></mujoco>'
     whole, hand = tmp_path / "arm.xml", tmp_path / "hand" / "hand.xml"
@@ -128,21 +128,21 @@ def test_models_that_an_arm_attaches_are_files_of_it_with_their_meshes(tmp_path)
     hand.write_text(attached.format("../arm.xml"))  # a circle, which MuJoCo refuses
     nail = hand.parent / "assets" / "nail.obj"
     nail.write_text("v 0 0 0\n")
-    assert {one.resolve() for one in files_of(whole)} == {whole, hand, nail}
+    assert {one.resolve() for one in referenced_files(whole)} == {whole, hand, nail}
 
 
 def test_pictures_show_the_arm_and_the_chain_where_it_is(folder):
     bench, found = run(folder, "task.steps=3")
     result = found.engines[0].result
-    motion = motion_of_run(bench, found)
+    motion = run_motion(bench, found)
     scene, frames = motion.scene, motion.frames
     assert scene.carriers == len(scene.objects) == 4
     for k, markers in enumerate(result.rollout.markers_m):
-        pose = ChainGeometry.of(scene.arms[0].chain).forward(frames.coordinates[0][k])
+        pose = ChainGeometry.from_chain(scene.arms[0].chain).forward(frames.coordinates[0][k])
         placed = pose.moved(frames.carriage_m[k], frames.carriage_turns[k])
         assert np.abs(placed.origins[1:] - markers[1:-1]).max() < 1e-9
     metrics = result.metrics
-    assert metrics["mount_moved_m"] > 1e-4  # the servos give
+    assert metrics["mount_moved_m"] > 1e-4  # the servos deflect
     on_mount = [metrics[f"tip_on_mount_{axis}_m"] for axis in "xyz"]
     assert np.allclose(result.final.carrier.in_world(np.array(on_mount)), result.final.tip_m)
 

@@ -1,4 +1,4 @@
-"""Sampling: which states, resumed without solving anything twice, failures and damage recorded; loads of the study."""
+"""Sampling: choice of states, resumption without repeated solutions, recorded failures and damage, loads."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.fem import FemConfig, StateNotConvergedError
 from pliant.interfaces.study_loads import STUDY_LOADS, StudyLoads
 from pliant.pipeline.sampling import walk
-from pliant.pipeline.sampling.strategies import loads_of, steps
+from pliant.pipeline.sampling.strategies import axis_loads, steps
 from pliant.pipeline.sampling.walk import levels
 
 # τ = p − 20 u up to 10 Pa: the free angle there is 0.5 rad.
@@ -106,7 +106,7 @@ DAMAGED = ["", '{"free 0.', "[]", "7", "\x00\x00", '{"rest": 7}', '{"rest": null
 
 
 @pytest.mark.parametrize("text", DAMAGED)
-def test_a_damaged_list_of_finished_states_is_said_and_solved_anew(tmp_path, text):
+def test_a_damaged_list_with_finished_states_is_reported_and_solved_again(tmp_path, text):
     interrupted(tmp_path)
     (tmp_path / "states.json").write_text(text)
     bar = Counting()
@@ -233,7 +233,7 @@ def test_other_axes_have_their_own_ladders(tmp_path):
         assert {round(float(s.tau[k]), 9) for s in states} == {-0.1, -0.05, 0.05, 0.1}
 
 
-def test_loads_have_the_numbers_of_the_published_table_and_those_of_the_config_go_first():
+def test_loads_have_the_published_table_numbers_and_those_in_the_config_go_first():
     gripper = STUDY_LOADS["pressure_pa", 1, "revolute"]["y"]
     assert (gripper.actuation_step, gripper.effort_high, gripper.effort_step) == (500.0, 0.02, 0.0006)
     helical = STUDY_LOADS["pressure_pa", 3, "spherical"]
@@ -246,10 +246,10 @@ def test_loads_have_the_numbers_of_the_published_table_and_those_of_the_config_g
     problem = SimpleNamespace(axes=("y",), joint="revolute", actuation="pressure_pa")
     slider = SimpleNamespace(axes=("x",), joint="prismatic", actuation="pressure_pa")
     stated = {"y": {"actuation_step": "1 kPa", "effort_high": "5 mN*m", "effort_step": 1e-3}}
-    own = loads_of(config(study_loads=stated), problem)["y"]
+    own = axis_loads(config(study_loads=stated), problem)["y"]
     assert (own.actuation_step, own.effort_high) == (1e3, pytest.approx(5e-3))
-    assert loads_of(config(), problem)["y"].effort_high == 0.02
+    assert axis_loads(config(), problem)["y"].effort_high == 0.02
     with pytest.raises(UserError, match="no loads for axis x of a prismatic joint"):
-        loads_of(config(), slider)
+        axis_loads(config(), slider)
     with pytest.raises(UserError, match="the module has no axis 'y', only x"):
-        loads_of(config(study_loads=stated), slider)
+        axis_loads(config(study_loads=stated), slider)

@@ -1,4 +1,4 @@
-"""Adaptive sampling: the error it states is met and honest, with fewer states than a grid; nothing stalls it."""
+"""Adaptive sampling reaches the error that it states, with fewer states than a grid, and always ends."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.pipeline.analytic import sampled as run
 
 from pliant.errors import NotReachedError
 from pliant.pipeline.sampling.adaptive import Box, interpolated, law_view
-from pliant.pipeline.sampling.walk import Sampling
+from pliant.pipeline.sampling.plan import Sampling
 
 LIMIT = 1.0
 
@@ -19,7 +19,7 @@ def fitted(sampling: Sampling):
 
 
 def actual_error(potential: Potential, sampling: Sampling) -> float:
-    """Largest error of the process on a dense grid over the box, as a share of the effort's range there."""
+    """Return the largest error of the process on a dense grid over the box, as a share of the effort's range there."""
     states = fitted(sampling)
     angles = [s.state.angle_rad for s in states]
     box = Box("y", "main", (0.0, LIMIT), (min(angles), max(angles)))
@@ -40,14 +40,14 @@ def test_the_stated_error_is_met_and_honest(tmp_path, seed, error):
     assert verdict["check_error"] <= 2 * error
 
 
-def test_half_of_the_grid_s_states_know_the_law_better(tmp_path):
+def test_half_the_grid_states_know_the_law_better(tmp_path):
     adaptive = run(Analytic(bellow(1)), tmp_path / "a", error=1e-4)
     grid = run(Analytic(bellow(1)), tmp_path / "g", sampling="grid", pressures=4, angles=5)
     assert len(fitted(adaptive)) < len(fitted(grid))
     assert actual_error(bellow(1), adaptive) < 1e-4
 
 
-def test_each_new_state_is_recorded_as_a_test_of_the_prediction(tmp_path):
+def test_each_new_state_is_recorded_as_a_prediction_test(tmp_path):
     sampling = run(Analytic(bellow(0)), tmp_path)
     verdict = sampling.summary["axes"]["y"]
     efforts = [s.state.moment_n_m for s in fitted(sampling)]

@@ -72,7 +72,7 @@ def test_a_module_without_mirror_planes_is_sampled_on_both_sides(tmp_path):
 
 
 @pytest.mark.slow
-def test_slopes_of_a_lateral_axis_follow_the_free_main_axis(tmp_path):
+def test_lateral_axis_slopes_follow_the_free_main_axis(tmp_path):
     sampling, full = run(tmp_path, helix())
     law = data(sampling).axis("z")
     far = np.flatnonzero((np.abs(law.angle_rad) > 0.1) & (law.branch == "constrained"))
@@ -104,7 +104,7 @@ def test_coupling_states_hold_everything_and_the_coupling_is_recorded(tmp_path):
 
 
 @pytest.mark.slow
-def test_rows_of_the_main_axis_alone_say_what_they_do_not_know(tmp_path):
+def test_rows_on_the_main_axis_alone_say_what_they_do_not_know(tmp_path):
     sampling, full = run(tmp_path, helix())
     module = data(sampling)
     main = module.explored == "y"
@@ -118,7 +118,7 @@ def test_rows_of_the_main_axis_alone_say_what_they_do_not_know(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_interrupted_sampling_of_several_axes_solves_nothing_twice(tmp_path):
+def test_an_interrupted_sampling_with_several_axes_solves_nothing_twice(tmp_path):
     whole, _, _ = full_and_main(helix(), tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
         full_and_main(helix(), tmp_path / "part", stop_after=7)

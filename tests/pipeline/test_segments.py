@@ -1,4 +1,4 @@
-"""Chains of every kind from a YAML study to settled chains: joints, segments, rigid parts, laws of their own."""
+"""Chains of every kind from a YAML study to settled chains: joints, segments, rigid parts, laws per segment."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pliant.errors import UserError
 from pliant.execution.progress import Silent
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.pipeline.study import StudyRun, chain_of_study, simulate_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.run_folder import finished, read_folder, write_folder
+from pliant.pipeline.study import StudyRun, build_study_chain, simulate_study
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant.registry.discovery import discover
-from pliant.report.folder import finished, read_folder, write_folder
 from pliant.store.store import ArtifactStore
 
 REGISTRY = discover()
@@ -79,7 +79,7 @@ STUDIES: dict[str, dict[str, Any]] = {
 
 
 def study_file(folder: Path, **study: Any) -> Path:
-    """A study file; JSON is YAML."""
+    """Write a study file; JSON is YAML."""
     task = {"kind": "free_bending", "pressure": "12 kPa", "steps": 1}
     path = folder / "study.yaml"
     path.write_text(json.dumps({"name": "chain", "task": task, **study}))
@@ -87,13 +87,13 @@ def study_file(folder: Path, **study: Any) -> Path:
 
 
 def run(folder: Path, **study: Any) -> StudyRun:
-    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Silent())
+    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"), Silent())
     return simulate_study(bench, load_study(study_file(folder, **study), REGISTRY))
 
 
-def chain_of(folder: Path, **study: Any) -> ChainModel:
-    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Silent())
-    return chain_of_study(bench, load_study(study_file(folder, **study), REGISTRY)).chain
+def make_chain(folder: Path, **study: Any) -> ChainModel:
+    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"), Silent())
+    return build_study_chain(bench, load_study(study_file(folder, **study), REGISTRY)).chain
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -102,7 +102,7 @@ def test_a_study_settles_alike_in_all_engines(tmp_path: Path, name: str) -> None
     first, *others = [engine.result.final for engine in done.engines if engine.result is not None]
     assert len(others) == len(ENGINES) and done.chain is not None
     actuation = {a.input: 12e3 if "2" not in a.input else 0.0 for a in done.chain.actuators}
-    loads = Loads.of(done.chain, Inputs(actuation))
+    loads = Loads.from_inputs(done.chain, Inputs(actuation))
     assert np.abs(ChainStatics(done.chain).residual(first.joint_angles, loads)).max() < 1e-9
     assert np.abs(first.joint_angles).max() > 1e-3
     for other in others:
@@ -111,14 +111,14 @@ def test_a_study_settles_alike_in_all_engines(tmp_path: Path, name: str) -> None
 
 
 def test_opposed_chambers_at_one_pressure_cancel(tmp_path: Path) -> None:
-    chain = chain_of(tmp_path, **STUDIES["opposed chambers"]).with_(gravity_m_s2=np.zeros(3))
-    both = Loads.of(chain, Inputs({"pressure_1_pa": 1e4, "pressure_2_pa": 1e4}))
+    chain = make_chain(tmp_path, **STUDIES["opposed chambers"]).with_(gravity_m_s2=np.zeros(3))
+    both = Loads.from_inputs(chain, Inputs({"pressure_1_pa": 1e4, "pressure_2_pa": 1e4}))
     np.testing.assert_allclose(ChainStatics(chain).residual(np.zeros((3, 1)), both), 0.0, atol=1e-15)
 
 
 def test_rigid_parts_lengthen_the_bodies_they_stand_in(tmp_path: Path) -> None:
-    chain = chain_of(tmp_path, **STUDIES["rigid parts"])
-    markers = ChainGeometry.of(chain).markers(np.zeros((4, 1)))[:, 2]
+    chain = make_chain(tmp_path, **STUDIES["rigid parts"])
+    markers = ChainGeometry.from_chain(chain).markers(np.zeros((4, 1)))[:, 2]
     np.testing.assert_allclose(-1e3 * np.diff(markers), [25.5, 11, 19, 11, 11.5], atol=1e-9)
     grams = [1e3 * body.mass_kg for body in chain.bodies]
     np.testing.assert_allclose(grams, [5 + 0.8, 1.6, 1.6 + 3, 1.6, 0.8 + 2])
@@ -126,7 +126,7 @@ def test_rigid_parts_lengthen_the_bodies_they_stand_in(tmp_path: Path) -> None:
     centre = (0.8 * 2.75 + 3 * 9.5 + 0.8 * 16.25) / 4.6
     np.testing.assert_allclose(1e3 * chain.bodies[2].com_m, [centre, 0, 0], atol=1e-9)
     assert [len(shapes) for shapes in chain.shapes] == [1, 0, 0, 0, 1]
-    pose = ChainGeometry.of(chain).forward(np.zeros((4, 1)))  # rings are the ends of the segments
+    pose = ChainGeometry.from_chain(chain).forward(np.zeros((4, 1)))  # rings are the ends of the segments
     heights = [pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.rings]
     np.testing.assert_allclose(-1e3 * np.array(heights)[:, 2], [0, 20, 42, 50, 72, 78], atol=1e-9)
     cap = chain.shapes[-1][0]
@@ -137,9 +137,9 @@ def test_rigid_parts_lengthen_the_bodies_they_stand_in(tmp_path: Path) -> None:
 
 
 def test_joints_beside_the_axis_turn_with_their_segment(tmp_path: Path) -> None:
-    """The centre line stays straight at rest; each hinge lies 3 mm from it, on its own segment's −z side."""
-    chain = chain_of(tmp_path, **STUDIES["beside the axis"])
-    pose = ChainGeometry.of(chain).forward(np.zeros((4, 3)))
+    """The centre line stays straight at rest; each hinge is 3 mm from it, on its own segment's −z side."""
+    chain = make_chain(tmp_path, **STUDIES["beside the axis"])
+    pose = ChainGeometry.from_chain(chain).forward(np.zeros((4, 3)))
     line = np.array([pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.centre_line])
     np.testing.assert_allclose(line[:, :2], 0.0, atol=1e-15)
     np.testing.assert_allclose(line[1:-1:2], line[2:-1:2], atol=1e-15)
@@ -149,25 +149,25 @@ def test_joints_beside_the_axis_turn_with_their_segment(tmp_path: Path) -> None:
     assert turn == pytest.approx(70.0)
     # A module's mass is on the centre line.
     assert chain.bodies[1].com_m[2] == pytest.approx(3e-3)
-    bent = ChainGeometry.of(chain).forward(np.tile([0.0, 0.3, 0.0], (4, 1)))
+    bent = ChainGeometry.from_chain(chain).forward(np.tile([0.0, 0.3, 0.0], (4, 1)))
     both = [bent.origins[r.body] + bent.rotations[r.body] @ r.point_m for r in chain.centre_line[1:3]]
     assert np.linalg.norm(both[1] - both[0]) == pytest.approx(2 * 3e-3 * np.sin(0.15))
 
 
-def test_segments_of_one_law_share_it_and_only_laws_in_use_are_made(tmp_path: Path) -> None:
-    """The study's own surrogate would need data, but no module has it."""
-    own = chain_of(tmp_path, **STUDIES["own laws"])
+def test_segments_with_one_law_share_it_and_only_laws_in_use_are_made(tmp_path: Path) -> None:
+    """The study's own surrogate would need data, but no module uses it."""
+    own = make_chain(tmp_path, **STUDIES["own laws"])
     assert [joint.law for joint in own.joints] == [0, 0, 1, 1]
     at = np.array([1e4]), np.zeros((1, 1))
     assert [float(law.evaluate(*at).tau[0, 0]) for law in own.laws] == pytest.approx([1.6e-2, 8e-3])
     same = [{"modules": 1, "surrogate": stated()}, {"modules": 1, "surrogate": stated(), "rotation": 1}]
-    chain = chain_of(tmp_path, chain={"segments": same, **ROD})
+    chain = make_chain(tmp_path, chain={"segments": same, **ROD})
     assert len(chain.laws) == 1
     with pytest.raises(UserError, match="needs data"):
-        chain_of(tmp_path, chain={"segments": [*same, {"modules": 1}], **ROD})
+        make_chain(tmp_path, chain={"segments": [*same, {"modules": 1}], **ROD})
 
 
-def test_a_finished_run_reads_the_laws_of_its_segments(tmp_path: Path) -> None:
+def test_a_finished_run_reads_its_segment_laws(tmp_path: Path) -> None:
     done = run(tmp_path, **STUDIES["own laws"])
     write_folder(tmp_path / "out", done, {})
     read, here = read_folder(tmp_path / "out", REGISTRY), finished(done, {})
@@ -181,7 +181,7 @@ BLOCKS = re.findall(r"```yaml\n(.*?)```", TASKS_PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_blocks_of_the_page_on_tasks_are_accepted(tmp_path: Path, number: int) -> None:
+def test_blocks_on_the_task_page_are_accepted(tmp_path: Path, number: int) -> None:
     (tmp_path / "study.yaml").write_text(f"pliant: 1\nname: page\n{BLOCKS[number]}", encoding="utf-8")
     study = load_study(tmp_path / "study.yaml", REGISTRY)
     assert study.task or study.chain or study.surrogate
@@ -195,7 +195,7 @@ SEGMENTS = {
 }
 
 
-def test_what_a_segment_is_made_of_is_in_the_key_and_a_table_counts_by_its_content(tmp_path: Path) -> None:
+def test_segment_contents_are_in_the_key_and_a_table_counts_by_its_content(tmp_path: Path) -> None:
     def key(segment: Any) -> str:
         done = run(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
         assert done.engines[0].artifact is not None
@@ -237,6 +237,6 @@ TWO_KINDS = r"revolute \(y\)"
 )
 def test_wrong_segments_are_refused(tmp_path: Path, segment: Any, says: str) -> None:
     with pytest.raises(UserError, match=says):
-        chain_of(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
+        make_chain(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
     with pytest.raises(UserError, match="all its segments are rigid"):
-        chain_of(tmp_path, surrogate=stated(), chain={"segments": [{"rigid": {"length": "1 mm"}}], **ROD})
+        make_chain(tmp_path, surrogate=stated(), chain={"segments": [{"rigid": {"length": "1 mm"}}], **ROD})

@@ -1,4 +1,4 @@
-"""Sweeps: every design once, whoever solves; what cannot be had is a record; nothing is solved twice."""
+"""Sweeps: every design once, by any worker; a failed design is a record; nothing is solved twice."""
 
 import os
 import shutil
@@ -19,23 +19,23 @@ from pliant import api
 from pliant.config.designs import sweep_designs
 from pliant.errors import NotReachedError, UserError
 from pliant.execution.progress import Silent
+from pliant.fem_tables.reading import read_table
 from pliant.pipeline import remote, sweep
 from pliant.pipeline.sweep import SweepJob, solve, write_sweep_table
-from pliant.tabular.fem_reading import read_table
 
 GRID = "{radius: [5 mm, 6 mm], length: [9 mm, 11 mm]}"
 
 
 @pytest.fixture
 def log(tmp_path, monkeypatch):
-    """The file to which the springs write every state that they solve."""
+    """Return the file to which the springs write every state that they solve."""
     path = tmp_path / "solved.log"
     monkeypatch.setenv("SPRINGS_LOG", str(path))
     return path
 
 
 class Watched(Silent):
-    """Progress that remembers."""
+    """A progress that records its calls."""
 
     def __init__(self):
         self.notes, self.within, self.count, self.total = [], [], 0, 0
@@ -71,7 +71,7 @@ def test_ways_to_write_a_sweep(tmp_path, sweep, name, values):
     assert [d.changes[name] for d in designs] == values
 
 
-def test_a_table_of_designs_is_read_row_by_row(tmp_path):
+def test_a_design_table_is_read_row_by_row(tmp_path):
     (tmp_path / "designs.csv").write_text("# chosen by hand\nradius,length\n5 mm,9 mm\n\n0.006,11 mm\n")
     designs = sweep_designs(bench.opened(tmp_path, "{designs: designs.csv}").study)
     assert [(d.family.radius_m, d.family.length_m) for d in designs] == [
@@ -122,11 +122,11 @@ def test_a_design_that_kills_its_worker_twice_is_recorded_and_the_others_are_sol
     assert bench.statuses(run) == ["crashed", "done", "done"] * 2
     assert "was killed" in run.outcomes[0].cause
     again = [state for state in bench.solved_again(log) if "/none " in state]
-    assert len(again) <= 2  # each of the two may be cut off once beside a neighbour that dies
+    assert len(again) <= 2  # each of the two may be interrupted once by a dying neighbour
 
 
 def job(opened, folder, **changes):
-    """A job for the first design, with a progress folder that exists."""
+    """Return a job for the first design, with a progress folder that exists."""
     family, material, fem = (
         getattr(opened.study, name).canonical() for name in ("family", "material", "fem")
     )
@@ -148,7 +148,7 @@ time.sleep(60)
 """
 
 
-def test_the_lock_of_a_killed_process_is_free(tmp_path):
+def test_the_lock_from_a_killed_process_is_free(tmp_path):
     from pliant.store.store import ArtifactStore
 
     (tmp_path / "fem").mkdir()
@@ -181,7 +181,7 @@ def test_interrupted_within_a_design_it_goes_on_from_the_last_state(tmp_path, lo
     assert bench.same(whole, bench.table(run))
 
 
-def test_the_table_has_the_states_of_all_designs(tmp_path):
+def test_the_table_has_the_states_from_all_designs(tmp_path):
     sweep = "{radius: [4 mm, 5 mm, 10 mm], material.shear_modulus: [240 kPa, 300 kPa]}"
     run = api.sweep(bench.opened(tmp_path, sweep), workers=1)
     write_sweep_table(run, tmp_path / "fem.csv")
@@ -259,7 +259,7 @@ def test_a_worker_with_other_code_stops_the_sweep_with_its_sentence(tmp_path):
 
 @pytest.fixture
 def far(tmp_path, monkeypatch):
-    """Workers on a host that does not see the driver's store; its own is `far`."""
+    """Return a function that solves as on a host that does not see the driver's store; its own is `far`."""
     monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
     monkeypatch.setenv("PLIANT_STORE", str(tmp_path / "far"))
 
@@ -270,7 +270,7 @@ def far(tmp_path, monkeypatch):
     return elsewhere
 
 
-def test_artifacts_of_a_host_without_the_store_come_back_as_they_are(tmp_path, log, far):
+def test_artifacts_from_a_host_without_the_store_come_back_unchanged(tmp_path, log, far):
     found = api.sweep(bench.opened(tmp_path, GRID), workers=1)
     assert bench.statuses(found) == ["done"] * 4
     for outcome in found.outcomes:
@@ -283,7 +283,7 @@ def test_artifacts_of_a_host_without_the_store_come_back_as_they_are(tmp_path, l
     assert all(one.cached for one in api.sweep(bench.opened(tmp_path, GRID), workers=1).outcomes)
     shutil.rmtree(tmp_path / "store")
     api.sweep(bench.opened(tmp_path, GRID), workers=1)
-    assert bench.solved(log) == {}  # the host has kept its own
+    assert bench.solved(log) == {}  # the host has kept its artifacts
 
 
 def test_what_a_far_worker_sends_is_checked(tmp_path, log, far, monkeypatch):

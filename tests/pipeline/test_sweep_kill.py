@@ -1,4 +1,4 @@
-"""A sweep killed twice, its whole process group at once: nothing is lost, nothing saved is solved twice."""
+"""A sweep killed twice with its whole process group: nothing is lost, nothing saved is solved twice."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""FEM tables in and out: exact round trips of every shape, and what is written."""
+"""FEM tables, read and written: exact round trips of every shape, and the written text."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tests.pipeline.sweep_bench import opened
 
 from pliant import api
 from pliant.errors import ContractError, UserError
+from pliant.fem_tables.reading import read_designs_table, read_module_table, read_table
+from pliant.fem_tables.writing import write_table
 from pliant.pipeline.sweep import shortened, write_sweep_table
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import EXTENSIBLE_AXES, EXTENSION
-from pliant.tabular.fem_reading import read_designs_table, read_module_table, read_table
-from pliant.tabular.fem_writing import write_table
 from pliant.units import BEYOND
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
@@ -41,7 +41,7 @@ XYZ = ("x", "y", "z")
 
 
 def same(read, written) -> None:
-    """Two data sets of one axis, or of whole modules, are the same to the bit."""
+    """Check that two data sets of one axis, or of whole modules, are equal to the bit."""
     whole = isinstance(written, ModuleData)
     for name in OF_MODULES if whole else NUMBERS:
         np.testing.assert_array_equal(getattr(read, name), getattr(written, name), err_msg=name)
@@ -52,7 +52,7 @@ def same(read, written) -> None:
 
 
 def module(axes: tuple[str, ...], main: str, n: int = 16, seed: int = 0, **changes: object) -> ModuleData:
-    """States with random numbers; slopes symmetric and definite."""
+    """Return states with random numbers; slopes symmetric and definite."""
     random, k = np.random.default_rng(seed), len(axes)
     root = random.normal(size=(n, k, k))
     explored = (main, *axes, *(("coupling",) if k > 1 else ()))
@@ -93,7 +93,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-# Numbers of quantities: none is larger, and what is smaller is read as nothing.
+# Values of quantities: none is larger, and smaller ones are read as zero.
 finite = st.floats(-BEYOND, BEYOND).filter(lambda value: value == 0.0 or abs(value) >= 1 / BEYOND)
 word = st.text(
     st.characters(categories=("L", "N", "P", "S"), exclude_characters="#"), min_size=1, max_size=12
@@ -139,7 +139,7 @@ def test_what_is_written_is_read_to_the_bit(tmp_path_factory, states, axis, actu
         (EXTENSIBLE_AXES, "y", {"joint": "extensible"}),
     ],
 )
-def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, axes, main, changes) -> None:
+def test_a_module_and_each_axis_are_read_back_to_the_bit(tmp_path: Path, axes, main, changes) -> None:
     data = module(axes, main, **changes)
     data = replace(data, branch=np.where(data.explored == main, "free", "constrained"))
     data.dtau_du[3] = np.nan if len(axes) > 1 else data.dtau_du[3]  # slopes that were not solved stay unknown
@@ -149,7 +149,7 @@ def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, 
     assert dict(read_module_table(path).design.parameters) == {"wall_m": 1.5e-3, "turns": 4}
     for axis in axes:
         joint = data.joint if len(axes) == 1 else "revolute"
-        if axis != EXTENSION:  # a travel's data set has columns of its own
+        if axis != EXTENSION:  # a travel's data set has separate columns
             same(read_table(path, axis), replace(data.axis(axis), joint=joint))
 
 
@@ -157,7 +157,7 @@ def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, 
 @pytest.mark.parametrize(
     "name", ["pressure_1_pa, pressure_2_pa", "pressure_2_pa, pressure_7_pa, tendon_force_n"]
 )
-def test_a_module_of_several_inputs_is_read_back_to_the_bit(tmp_path: Path, axes, name: str) -> None:
+def test_a_module_with_several_inputs_is_read_back_to_the_bit(tmp_path: Path, axes, name: str) -> None:
     data, random, m = module(axes, "y"), np.random.default_rng(3), name.count(",") + 1
     n, k = len(data), len(axes)
     data = replace(
@@ -178,7 +178,7 @@ def test_a_module_of_several_inputs_is_read_back_to_the_bit(tmp_path: Path, axes
         read_table(path, "y")
 
 
-def test_nothing_of_several_axes_is_lost(tmp_path: Path) -> None:
+def test_nothing_on_several_axes_is_lost(tmp_path: Path) -> None:
     data, path = module(XYZ, "y"), tmp_path / "fem.csv"
     write_table(data, path)
     for i, row in enumerate(rows(path)):
@@ -212,7 +212,7 @@ def test_nothing_of_several_axes_is_lost(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_the_written_file_has_the_columns_of_the_contract(tmp_path: Path, data, header: str) -> None:
+def test_the_written_file_has_the_contract_columns(tmp_path: Path, data, header: str) -> None:
     path = tmp_path / "fem.csv"
     write_table(data, path)
     assert list(rows(path)[0]) == header.split()
@@ -263,7 +263,9 @@ def test_a_sweep_is_read_back_design_by_design(tmp_path: Path) -> None:
     for one, other, brief in zip(read, written, read_designs_table(short), strict=True):
         same(one, other)
         numbers = {k: v for k, v in other.design.parameters.items() if not isinstance(v, str)}
-        assert one.design.parameters == numbers
+        rubber = {k: v for k, v in one.design.parameters.items() if k.startswith("material.")}
+        assert one.design.parameters == numbers | rubber
+        assert rubber["material.kind"] == "neo_hookean" and rubber["material.shear_modulus_pa"] == 240e3
         np.testing.assert_allclose(brief.tau, other.tau, rtol=1e-4)
         assert brief.branch.tolist() == other.branch.tolist()
     assert len(short.read_text()) < len(path.read_text())

@@ -1,18 +1,20 @@
-"""A fresh environment into which plugin packages are installed beside this one's packages, offline and fast."""
+"""A fresh environment in which plugin packages are installed in addition to this one's, offline and fast."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 import subprocess
+import sys
 import sysconfig
 import venv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from tests.plugins.broken import write_study, write_table
 
 from pliant.cli.plugins import EXAMPLES, create_package
 
@@ -22,8 +24,8 @@ HAS_PYMOO = importlib.util.find_spec("pymoo") is not None
 HAS_WARP = importlib.util.find_spec("mujoco_warp") is not None
 
 
-def manifest(answer: str, contract: str = "CONTRACT = 2") -> str:
-    """The code of a manifest with one component."""
+def manifest(answer: str, contract: str = "CONTRACT = 3") -> str:
+    """Return the code of a manifest with one component."""
     imports = (
         "from pliant.registry.component import Component\nfrom pliant.registry.hookspecs import hookimpl\n"
     )
@@ -33,7 +35,10 @@ def manifest(answer: str, contract: str = "CONTRACT = 2") -> str:
 BROKEN = {
     "broken_import": "import a_module_that_nobody_has\n",
     "broken_answer": manifest("'effect'"),
-    "broken_twice": manifest("Component('family', 'bellow_helical', 'none:Config', 'none:Family', 'mine')"),
+    "broken_twice": manifest(
+        "Component('family', 'bellow_helical', 'pliant_plugins.families.bellow_helical.family:BellowHelicalConfig', "
+        "'none:Family', 'mine')"
+    ),
     # The manifest that `new-plugin` wrote under contract 1.
     "broken_old": manifest(
         "Component('effect', 'old_gain', 'broken_old.config:C', 'broken_old.effect:E', 'a gain')", contract=""
@@ -52,7 +57,7 @@ class Environment:
         return self.folder / "bin" / "python"
 
     def run(self, *arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-        """Run its Python; nothing of this test run leaks in."""
+        """Run its Python, isolated from this test run."""
         clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
         command = [str(a) for a in (self.python, *arguments)]
         return subprocess.run(command, cwd=cwd, env=clean, capture_output=True, text=True, check=False)
@@ -66,7 +71,7 @@ class Environment:
 
 @pytest.fixture(scope="session")
 def broken_packages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Packages that fail when imported, answer nonsense, and define a shipped kind a second time."""
+    """Return packages that fail when imported, return nonsense, and define a shipped kind a second time."""
     parent = tmp_path_factory.mktemp("broken")
     packages = []
     for name, code in BROKEN.items():
@@ -85,7 +90,7 @@ def broken_packages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="session")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """By name: the packages of contrib whose own requirements are met, and a skeleton of each interface."""
+    """Return by name the packages of contrib whose own requirements are met, and a skeleton of each interface."""
     folder = tmp_path_factory.mktemp("skeletons")
     for interface in EXAMPLES:
         create_package(f"my-{interface}", folder, interface)
@@ -97,7 +102,7 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def environment(
     tmp_path_factory: pytest.TempPathFactory, packages: dict[str, Path], broken_packages: list[Path]
 ) -> Environment:
-    """With all packages, the broken ones among them; pip and hatchling come from where the tests run."""
+    """Return an environment with all packages and the broken ones; pip and hatchling are those of the tests."""
     for module in ("pip", "hatchling"):
         if importlib.util.find_spec(module) is None:
             pytest.skip(f"needs {module} to build packages: pip install {module}")
@@ -117,9 +122,9 @@ def environment(
 def own_tests(
     environment: Environment, packages: dict[str, Path], tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, list[str]]:
-    """What became of each package's own tests, "passed" or what failed, by one interpreter for all packages."""
+    """Return the results of each package's own tests, "passed" or the failure, from one interpreter for all."""
     report = tmp_path_factory.mktemp("own_tests") / "report.xml"
-    imports = f"pythonpath={packages['pliant-calculix'] / 'tests'}"  # as its pyproject.toml says
+    imports = f"pythonpath={packages['pliant-calculix'] / 'tests'}"  # as in its pyproject.toml
     options = ["-q", "-p", "no:cacheprovider", "--import-mode=importlib", "--rootdir=/"]
     has = {"pliant-pymoo": HAS_PYMOO, "pliant-warp": HAS_WARP}
     ready = [folder for name, folder in packages.items() if has.get(name, True)]
@@ -133,3 +138,20 @@ def own_tests(
         failed = [part.get("message", "") for part in case if part.tag in ("failure", "error")]
         became[package].append(f"{case.get('name')}: {failed[0]}" if failed else "passed")
     return became
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Yield a folder for packages, in a working folder that contains a study which names none of them."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PLIANT_STORE", raising=False)
+    write_study(tmp_path)
+    write_table(tmp_path / "fem.csv")
+    yield folder
+    laid = {package.name for package in folder.iterdir()}
+    for name in list(sys.modules):
+        if name.partition(".")[0] in laid:
+            del sys.modules[name]

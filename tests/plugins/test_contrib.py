@@ -44,7 +44,7 @@ def test_its_kinds_are_found(environment: Any, name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*KINDS, "pliant-eccentric-tube"])
 def test_it_passes_its_own_tests(own_tests: dict[str, list[str]], name: str) -> None:
-    """Conformance among them. What needs ccx is skipped without it: the decks are judged anyway."""
+    """Includes conformance tests. Tests that need ccx are skipped without it; the decks are checked in any case."""
     if name == "pliant-pymoo" and not HAS_PYMOO:
         pytest.skip("needs pymoo: pip install pymoo")
     if name == "pliant-warp" and not HAS_WARP:

@@ -20,7 +20,7 @@ print(float((m.mT @ m)[0, 0, 0]))
 
 
 @pytest.mark.slow
-def test_products_of_torch_survive_ngsolve() -> None:
+def test_torch_products_survive_ngsolve() -> None:
     pytest.importorskip("torch")
     pytest.importorskip("pliant_plugins.fem.ngsolve.library", exc_type=ImportError)
     done = subprocess.run([sys.executable, "-c", BOTH], capture_output=True, text=True, timeout=120)

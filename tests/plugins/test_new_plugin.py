@@ -1,4 +1,4 @@
-"""`pliant new-plugin`: what it writes, and names that it refuses; skeletons are installed in `test_contrib.py`."""
+"""`pliant new-plugin`: its files, and refused names; skeletons are installed in `test_contrib.py`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_gives_the_files_that_it_wrote(tmp_path: Path) -> None:
         *((name, "effect", "would hide") for name in ("json", "pliant")),
         ("effect", "effect", "cannot be a kind"),
         ("my-finger", "familly", "is no interface; did you mean 'family'"),
-        ("my-finger", "fem", "has no skeleton yet"),
+        ("my-finger", "viewer", "has no skeleton yet"),
         ("full", "effect", "not empty"),
     ],
 )

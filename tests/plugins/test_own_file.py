@@ -1,4 +1,4 @@
-"""An effect from a file of one's own, outside the tree: found, listed, checked, run; its mistakes are sentences."""
+"""An effect from a user's file outside the tree: found, listed, checked, run; its mistakes give sentences."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pliant.errors import UserError
 from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.registry.discovery import discover
-from pliant.registry.files import components_of, files_of, with_files
+from pliant.registry.files import effect_files, load_components, with_files
 from pliant.testing.histories import follow_joint, triangles
 from pliant.testing.samples import sample_chain
 
@@ -96,12 +96,12 @@ def simulated(study: str = "own.yaml", *changes: str) -> dict[str, Any]:
 
 
 def stored(folder: Path) -> set[str]:
-    """Keys of the simulations in the store."""
+    """Return the keys of the simulations in the store."""
     return {p.name for p in folder.glob(".pliant/store/simulate/*") if p.is_dir()}
 
 
 def angle(result: dict[str, Any]) -> float:
-    """The equilibrium of one joint under the worked law with E scaled by 1 + a u²."""
+    """Return the equilibrium of one joint under the worked law with E scaled by 1 + a u²."""
     return float(result["metrics"]["bend_angle_rad"])
 
 
@@ -160,15 +160,15 @@ def test_checks_that_one_cause_stops_take_one_line(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_diagnose_tries_it_beside_ours_and_finds_it(folder: Path) -> None:
-    """A bench whose joint stiffens so: each run twice, with loads either way, 4 mrad of noise."""
-    (component,) = components_of(folder / "rise.py")
+    """The joint of the bench stiffens: each run twice, with loads in both directions, 4 mrad of noise."""
+    (component,) = load_components(folder / "rise.py")
     bare = Model(sample_chain(modules=1, gravity=(0, 0, 0)))
     chain = component.build(component.config_model().model_validate({"rise": 4.0})).apply(bare).chain
     random = np.random.default_rng(1)
     lines = ["run,time_s,pressure_pa,moment_n_m,angle_rad"]
     for number, load in enumerate((0.0, 0.0, 3e-3, 3e-3, -3e-3, -3e-3)):
         time_s, pressure = triangles((15e3, 0.0), 1e3, 0.5, holds_s=3.0)
-        (u,) = follow_joint(chain, [History.of({"pressure_pa": pressure}, time_s, moment_n_m=load)])
+        (u,) = follow_joint(chain, [History.from_arrays({"pressure_pa": pressure}, time_s, moment_n_m=load)])
         u = u + 0.004 * random.standard_normal(len(u))
         lines += [f"r{number},{t},{p},{load},{x}" for t, p, x in zip(time_s, pressure, u, strict=True)]
     (folder / "bench.csv").write_text("\n".join(lines))
@@ -212,7 +212,7 @@ def test_an_edited_file_is_known_by_its_new_code(folder: Path) -> None:
     before = with_files(REGISTRY, [file])
     write(folder, EFFECT.replace("1.0 + parameters", "1.5 + parameters"))
     after = with_files(REGISTRY, [file])
-    assert files_of(REGISTRY) == () and files_of(after) == files_of(before) == (str(file),)
+    assert effect_files(REGISTRY) == () and effect_files(after) == effect_files(before) == (str(file),)
     assert after.get("effect", "rise").implementation != before.get("effect", "rise").implementation
 
 
@@ -222,7 +222,7 @@ def test_a_hook_in_the_file_is_asked(folder: Path) -> None:
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
-CONTRACT = 2
+CONTRACT = 3
 
 
 @hookimpl
@@ -232,7 +232,7 @@ def pliant_components():
     ]
 """
     write(folder, EFFECT + hook)
-    (component,) = components_of(folder / "rise.py")
+    (component,) = load_components(folder / "rise.py")
     assert (component.summary, component.example, component.package) == ("by hand", {"rise": 1}, "rise.py")
     assert simulated()
 
@@ -247,7 +247,7 @@ def test_the_config_may_be_named_by_init_or_be_the_only_one(folder: Path) -> Non
         "from __future__ import annotations\n" + EFFECT,
     ):
         write(folder, changed)
-        assert components_of(folder / "rise.py")[0].config.endswith(":RiseConfig")
+        assert load_components(folder / "rise.py")[0].config.endswith(":RiseConfig")
 
 
 @pytest.mark.parametrize(
@@ -313,7 +313,7 @@ LINES = EFFECT.splitlines(keepends=True)
 def test_a_file_with_lines_missing_is_an_effect_or_a_sentence(folder: Path, missing: set[int]) -> None:
     write(folder, "".join(line for number, line in enumerate(LINES) if number not in missing))
     try:
-        (component,) = components_of(folder / "rise.py")
+        (component,) = load_components(folder / "rise.py")
     except UserError as error:
         assert str(error).startswith("rise.py")
         assert str(error).endswith(".")

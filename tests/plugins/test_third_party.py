@@ -1,4 +1,4 @@
-"""A third-party family beside broken packages, in a fresh environment: found, checked, run from a study file."""
+"""A third-party family and broken packages in a fresh environment: found, checked, run from a study file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SMALL = ["fem.pressures=3", "fem.angles=4", "fem.check_states=3", "chain.modules
 
 @pytest.fixture(scope="module")
 def listed(environment: Any) -> dict[str, Any]:
-    """What `pliant plugins` says there."""
+    """Return the JSON of `pliant plugins` in that environment."""
     done = environment.run("-m", "pliant", "plugins", "--json", "-", "--quiet")
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
@@ -38,12 +38,12 @@ def test_broken_package_is_named_with_its_cause(listed: dict[str, Any], name: st
     assert failed[name]["cause"].startswith(error)
 
 
-def test_a_package_of_contract_1_is_named_with_what_to_change(
+def test_a_package_for_contract_1_is_named_with_what_to_change(
     listed: dict[str, Any], environment: Any, tmp_path: Path
 ) -> None:
     (old,) = [failure for failure in listed["failed"] if failure["name"] == "broken_old"]
     assert "states no contract" in old["cause"]
-    assert "CONTRACT = 2" in old["cause"]
+    assert "CONTRACT = 3" in old["cause"]
     done = environment.run("-m", "pliant", "check", "effect", "old_gain", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("effect 'old_gain' of") == 1

@@ -1,4 +1,4 @@
-"""A finished run made of formulas: a bent tube as the module, a stated law, engines that differ by a little."""
+"""A finished run computed from formulas: a bent tube as the module, a stated law, engines that differ slightly."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 from pliant.config.chain import BaseConfig
 from pliant.mechanics.rotations import exp_map
 from pliant.pipeline.chain import base_rotation
+from pliant.pipeline.run_folder import DesignResult, EngineResult, FinishedRun
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleShape
 from pliant.records.law import Domain, Effort, FitReport, JointLaw, LawRecord
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
-from pliant.report.folder import DesignResult, EngineResult, FinishedRun
 
 LENGTH = 0.011
 FULL = 15e3
@@ -27,7 +27,7 @@ DOMAIN = Domain(np.array([0.0, FULL]), np.array([[-0.2, 0.45]]))
 
 @dataclass(frozen=True, eq=False)
 class PlainLaw(JointLaw):
-    """The study's form about the main axis, linear springs about the others."""
+    """The published form about the main axis, linear springs about the others."""
 
     axes: tuple[str, ...] = ("y",)
     joint: Any = "revolute"
@@ -47,7 +47,7 @@ class PlainLaw(JointLaw):
 
 
 def tube_shapes(count: int = 3) -> tuple[ModuleShape, ...]:
-    """A quarter of a tube wall, bent on arcs: points of 9-node faces over (s, angle) on two radii."""
+    """Return a quarter of a tube wall, bent on arcs: points of 9-node faces over (s, angle) on two radii."""
     s = np.linspace(0, LENGTH / 2, 5)
     angle = np.linspace(0, np.pi, 9)
     shapes = []
@@ -71,7 +71,7 @@ def tube_shapes(count: int = 3) -> tuple[ModuleShape, ...]:
 
 
 def dataset(n_p: int = 5, n_u: int = 7, shapes: bool = True, family: str = "tube") -> FemDataset:
-    """States on a grid, the last row for checking, two in self-contact, one failed."""
+    """Return states on a grid, the last row for checking, two in self-contact, one failed."""
     p, u = (g.ravel() for g in np.meshgrid(np.linspace(0, FULL, n_p), np.linspace(-0.2, 0.45, n_u)))
     tau = PlainLaw().evaluate(p, u[:, None]).tau[:, 0] + 1e-5 * np.sin(40 * u)
     role = np.where(np.arange(len(p)) % 5 == 3, "check", "fit")
@@ -93,7 +93,7 @@ def fit_report() -> FitReport:
 
 
 def markers(angles: np.ndarray, axes: tuple[str, ...] = ("y",)) -> np.ndarray:
-    """(n + 2, 3) markers of joint coordinates (n, a), default base."""
+    """Return (n + 2, 3) markers of joint coordinates (n, a), default base."""
     basis = np.eye(3)[["xyz".index(a) for a in axes]]
     rotation, position = base_rotation(BaseConfig()), np.zeros(3)
     points, link = [position], LENGTH / 2
@@ -131,7 +131,7 @@ def study(modules: int = 8, **changes: Any) -> dict[str, Any]:
 
 
 def full_run(modules: int = 8) -> FinishedRun:
-    """Everything at once: FEM, fit, three engines, one of them skipped, warnings of every sort."""
+    """Return a run with FEM, fit, three engines, one of them skipped, and warnings of every sort."""
     angles = np.full((modules, 1), FREE)
     outside = (OutsideDomain(3, 1.0, "pressure_pa", 250.0), OutsideDomain(2, 1.0, "y", 0.02))
     engines = (
@@ -150,6 +150,6 @@ def full_run(modules: int = 8) -> FinishedRun:
 
 @pytest.fixture(scope="session")
 def kit() -> SimpleNamespace:
-    """The makers of this file, for tests."""
+    """Return the constructors of this file, for tests."""
     makers = (PlainLaw, dataset, engine, fit_report, full_run, manifest, markers, study, tube_shapes)
     return SimpleNamespace(**{maker.__name__: maker for maker in makers})

@@ -1,4 +1,4 @@
-"""Pages as tests read them: tags that match, nothing from outside, sane pictures, plain text."""
+"""Pages as tests read them: matching tags, no external references, valid pictures, plain text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
 class _Tags(HTMLParser):
-    """Collects tags and attributes, and complains about tags that do not match."""
+    """A parser that collects tags and attributes, and rejects tags that do not match."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -37,13 +37,13 @@ class _Tags(HTMLParser):
 
 
 def words(html: str) -> str:
-    """The page's text."""
+    """Return the page's text."""
     text = re.sub(r"<(style|script)\b.*?</\1>", "", html, flags=re.DOTALL)
     return unescape(re.sub(r"<[^>]+>", " ", text)).replace("\u00a0", " ")
 
 
 def check_sound(page: Page) -> str:
-    """Parses, refers to nothing outside, embeds sane PNG files with words, stays small; returns its text."""
+    """Check that a page parses, is self-contained and small, and embeds valid PNG files with words; return its text."""
     parsed = _Tags()
     parsed.feed(page.html)
     parsed.close()

@@ -1,4 +1,4 @@
-"""Records of searches made of formulas: one branch, many, contexts, two objectives, robust, verified, all failed."""
+"""Search records computed from formulas: one branch, many, contexts, two objectives, robust, verified, all failed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import numpy as np
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import SceneStill
-from pliant.records.search import (
+from pliant.records.shape import Shape
+from pliant.testing.samples import sample_chain
+from pliant_search.records import (
     FoundDesign,
     Robustness,
     SearchHistory,
@@ -21,9 +23,7 @@ from pliant.records.search import (
     VariableRecord,
     Verification,
 )
-from pliant.records.shape import Shape
-from pliant.report.search_files import DrawnDesign
-from pliant.testing.samples import sample_chain
+from pliant_search.report.folder import DrawnDesign
 
 RADIUS = VariableRecord("family.average_radius", ("family.average_radius",), "real", 6e-3, 8e-3, (), "m")
 PRESSURE = VariableRecord("task.pressure", ("task.pressure",), "real", 2e3, 15e3, (), "Pa")
@@ -37,7 +37,7 @@ CONDITIONS = ("egg-0", "egg-5", "egg-10", "sphere-0", "sphere-5", "a very long n
 
 
 def wide_variables(count: int = 16) -> tuple[VariableRecord, ...]:
-    """Lengths with long names."""
+    """Return lengths with long names."""
     return tuple(
         VariableRecord(f"chain.segments.{k // 4}.family.outer_convolution_{'abcd'[k % 4]}_radius_of_curvature",
                        (f"k{k}",), "real", 1e-3 * (k + 1), 2e-3 * (k + 2), (), "m")
@@ -46,7 +46,7 @@ def wide_variables(count: int = 16) -> tuple[VariableRecord, ...]:
 
 
 def drawn_values(variables: Sequence[VariableRecord], n: int) -> dict[str, np.ndarray]:
-    """Values that close in on the upper third of every range, as a search does."""
+    """Return values that approach the upper third of every range, as a search does."""
     random = np.random.default_rng(0)
     narrow = np.linspace(1.0, 0.12, n)
     values = {}
@@ -62,8 +62,8 @@ def drawn_values(variables: Sequence[VariableRecord], n: int) -> dict[str, np.nd
     return values
 
 
-def rmse_of(variables: Sequence[VariableRecord], values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """A bowl in shares of the ranges, m."""
+def bowl_rmse(variables: Sequence[VariableRecord], values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return a bowl in shares of the ranges, m."""
     total = np.zeros(len(next(iter(values.values()))))
     for k, v in enumerate(variables):
         high = len(v.choices) - 1 if v.choices else v.high - v.low
@@ -72,7 +72,7 @@ def rmse_of(variables: Sequence[VariableRecord], values: Mapping[str, np.ndarray
     return np.asarray(1.7e-3 + 20e-3 * np.sqrt(total / len(variables)))
 
 
-def history_of(
+def make_history(
     variables: Sequence[VariableRecord],
     n: int = 120,
     branch: np.ndarray | None = None,
@@ -80,9 +80,9 @@ def history_of(
     further: bool = False,
     failing: bool = True,
 ) -> SearchHistory:
-    """Every ninth candidate is refused, every 13th fails."""
+    """Return a search history in which every ninth candidate is refused and every 13th fails."""
     values = drawn_values(variables, n)
-    rmse = rmse_of(variables, values)
+    rmse = bowl_rmse(variables, values)
     if branch is not None:
         rmse = rmse + 4e-4 * (branch * 7 % 81)
     number = np.arange(n)
@@ -121,7 +121,7 @@ def design_at(
     )  # fmt: skip
 
 
-def slopes_of(variables: Sequence[VariableRecord], best: FoundDesign) -> tuple[Slope, ...]:
+def make_slopes(variables: Sequence[VariableRecord], best: FoundDesign) -> tuple[Slope, ...]:
     found = []
     own = float(best.objectives["rmse"])
     for k, v in enumerate(variables):
@@ -140,20 +140,20 @@ def slopes_of(variables: Sequence[VariableRecord], best: FoundDesign) -> tuple[S
 
 
 def one_branch(n: int = 120, variables: Sequence[VariableRecord] = PLAIN, **changes: Any) -> SearchResult:
-    history = history_of(variables, n)
+    history = make_history(variables, n)
     best = design_at(variables, history, int(np.nanargmin(history.objectives[:, 0])))
     made = SearchResult(
         "cmaes", 3, tuple(variables), ("rmse",), (False,), (), ({},), history, (best,),
         int((history.status == 0).sum()), n,
         {"average_radius - inner_radius >= 1 mm": int((history.status == 1).sum())},
-        {"the chain did not settle": int((history.status == 2).sum())}, "budget", 42.0, slopes_of(variables, best),
+        {"the chain did not settle": int((history.status == 2).sum())}, "budget", 42.0, make_slopes(variables, best),
         ("pressure stands at its upper bound, 15 kPa; a wider range would help by about 0.04 mm for 1 %.",),
     )  # fmt: skip
     return replace(made, **changes)
 
 
 def many_branches(n: int = 81 * 60) -> SearchResult:
-    """81 structures of four segments."""
+    """Return a search over 81 structures of four segments."""
     numbers = list(itertools.product((5, 6, 7), repeat=4))
     searched = tuple(
         VariableRecord(f"n{k + 1}", (f"chain.segments.{k}.modules",), "integer", 5, 7, each=True)
@@ -163,7 +163,7 @@ def many_branches(n: int = 81 * 60) -> SearchResult:
         VariableRecord(f"p{k + 1}", (f"task.pressure_{k + 1}",), "real", 0, 15e3, (), "Pa") for k in range(4)
     )
     branch = np.repeat(np.arange(81), -(-n // 81))[:n]
-    history = history_of(pressures, n, branch=branch, failing=False)
+    history = make_history(pressures, n, branch=branch, failing=False)
     values = {
         **history.values,
         **{f"n{k + 1}": np.array([numbers[b][k] for b in branch], float) for k in range(4)},
@@ -175,14 +175,14 @@ def many_branches(n: int = 81 * 60) -> SearchResult:
     base = one_branch(variables=PLAIN)
     return replace(
         base, variables=(*searched, *pressures), branches=branches, history=history, best=(best,), evaluations=n,
-        refused={}, failed={}, slopes=slopes_of((*searched, *pressures), best), limits=(),
+        refused={}, failed={}, slopes=make_slopes((*searched, *pressures), best), limits=(),
     )  # fmt: skip
 
 
 def contextual(n: int = 2400) -> SearchResult:
-    """PPO over six conditions: a maximised reward, a design for each condition."""
+    """Return PPO over six conditions: a maximised reward, a design for each condition."""
     context = np.arange(n) % len(CONDITIONS)
-    history = history_of(PLAIN, n, context=context)
+    history = make_history(PLAIN, n, context=context)
     narrow = np.linspace(0.0, 0.15, n) * (context - 2.5) / 2.5
     values = {**history.values, RADIUS.name: np.clip(history.values[RADIUS.name] + 2e-3 * narrow, 6e-3, 8e-3)}
     reward = 1.0 - 60 * history.objectives[:, 0] + 0.05 * context
@@ -205,7 +205,7 @@ def contextual(n: int = 2400) -> SearchResult:
 
 
 def two_objectives(n: int = 400) -> SearchResult:
-    history = history_of(PLAIN, n, further=True)
+    history = make_history(PLAIN, n, further=True)
     a, b = history.objectives.T
     front = [
         i
@@ -251,7 +251,7 @@ def robustness(best: FoundDesign) -> Robustness:
 
 
 def everything_failed(n: int = 40) -> SearchResult:
-    history = history_of(PLAIN, n)
+    history = make_history(PLAIN, n)
     nothing = np.full(n, np.nan)
     history = replace(
         history, status=np.where(np.arange(n) % 2, 1, 2), objectives=nothing[:, None],
@@ -273,23 +273,23 @@ STUDY: dict[str, Any] = {
 
 
 def curved(label: str, bend: float = 0.2, off: float = 1e-3) -> DrawnDesign:
-    """A chain that settled beside its target."""
+    """Return a chain that settled near its target."""
     chain = sample_chain(modules=6)
     angles = np.full((6, 1), bend)
-    markers = ChainGeometry.of(chain).markers(angles)
-    target = ChainGeometry.of(chain).markers(angles * 1.1) + off
+    markers = ChainGeometry.from_chain(chain).markers(angles)
+    target = ChainGeometry.from_chain(chain).markers(angles * 1.1) + off
     metrics = {"rmse_m": off, "backbone_points_m": markers.tolist(), "target_points_m": target.tolist()}
-    return DrawnDesign.of(
+    return DrawnDesign.from_result(
         label, chain, TaskResult(Equilibrium(angles, markers, 1e-9, True, True, 5, 0.1), metrics)
     )
 
 
 def grasped(label: str, radius_m: float = 0.02) -> DrawnDesign:
-    """A ball between two rods, above a floor."""
+    """Return a ball between two rods, above a floor."""
     rods = tuple(
         (Shape("capsule", (4e-3, 2e-2), np.array([x, 0.0, 0.06]), np.eye(3)),) for x in (-0.03, 0.03)
     )
     ball = (Shape("sphere", (radius_m,), np.array([0.0, 0.0, 0.05]), np.eye(3)),)
     stills = tuple(SceneStill(name, t, rods, (ball,), 0.0) for t, name in enumerate(("lowered", "lifted")))
     final = Equilibrium(np.zeros((1, 1)), np.zeros((3, 3)), 0.0, True, None, 1, 0.0)
-    return DrawnDesign.of(label, None, TaskResult(final, {"success_share": 1.0}, stills=stills))
+    return DrawnDesign.from_result(label, None, TaskResult(final, {"success_share": 1.0}, stills=stills))

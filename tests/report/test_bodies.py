@@ -35,7 +35,7 @@ def test_arc_tube_keeps_its_centre_line_and_stretches_outside(kit: Any) -> None:
     assert section.values.max() == pytest.approx(1 + FREE / LENGTH * 0.012, rel=1e-3)
 
 
-def test_finger_of_arcs_ends_on_the_circle(kit: Any) -> None:
+def test_a_finger_made_from_arcs_ends_on_the_circle(kit: Any) -> None:
     section = body.unrolled(kit.tube_shapes())[-1]
     count = 5
     _, path = body.finger([section] * count, np.full(count, FREE), np.zeros(count), np.zeros(3), np.eye(3))
@@ -43,7 +43,7 @@ def test_finger_of_arcs_ends_on_the_circle(kit: Any) -> None:
     assert path[-1] == pytest.approx([radius * np.sin(turn), 0, radius * (np.cos(turn) - 1)], abs=1e-15)
 
 
-def test_half_turn_of_a_segment_bends_the_other_way(kit: Any) -> None:
+def test_a_half_turned_segment_bends_the_other_way(kit: Any) -> None:
     section = body.unrolled(kit.tube_shapes())[-1]
     angles, zero = np.full(2, FREE), np.zeros(3)
     _, one = body.finger([section] * 2, angles, np.zeros(2), zero, np.eye(3))
@@ -60,7 +60,7 @@ def test_shape_between_levels_is_interpolated(kit: Any) -> None:
     assert beyond.section == pytest.approx(sections[-1].section)
 
 
-def test_picture_of_a_face_has_its_area_and_faces_away_are_not_drawn() -> None:
+def test_a_face_picture_has_its_area_and_faces_away_are_not_drawn() -> None:
     x, y = np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0])
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
     square = rendering.Surface(points, np.arange(9)[None], np.ones(9))

@@ -1,11 +1,12 @@
-"""A chart's data beside its picture: numbers within half a level of what they were, names that close nothing."""
+"""A chart's data next to its picture: numbers within half a quantisation step, and names that cannot close a tag."""
 
 import base64
 import json
 
 import numpy as np
 
-from pliant.report.chart import LEVELS, MISSING, Chart, ChartAxis, ChartLine, Panel, as_script_data
+from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
+from pliant.report.chart_json import LEVELS, MISSING, as_script_data
 
 
 def unpacked(packed):
@@ -24,16 +25,16 @@ def test_numbers_come_back_within_half_a_level_and_gaps_as_gaps():
     x, y = np.arange(500.0), rng.normal(3.0, 40.0, 500)
     y[[0, 7, 499]] = np.nan
     data = json.loads(as_script_data(chart(x, y)))
-    line = data["panels"][0]["lines"][0]
+    line = data["panels"][0]["marks"][0]
     for values, of in ((x, "x"), (y, "y")):
         again = unpacked(data["lists"][line[of]])
         assert np.array_equal(np.isnan(again), np.isnan(values))
         assert np.nanmax(np.abs(again - values)) <= 0.5001 * np.ptp(values[np.isfinite(values)]) / LEVELS
 
 
-def test_lists_without_numbers_or_of_one_value_stay_what_they_are():
+def test_lists_without_numbers_or_with_one_value_stay_unchanged():
     data = json.loads(as_script_data(chart(np.full(4, 2.5), np.full(4, np.nan))))
-    line = data["panels"][0]["lines"][0]
+    line = data["panels"][0]["marks"][0]
     assert np.array_equal(unpacked(data["lists"][line["x"]]), np.full(4, 2.5))
     assert np.isnan(unpacked(data["lists"][line["y"]])).all()
 
@@ -49,4 +50,4 @@ def test_a_hostile_name_is_text():
     name = "</script><!--<script>&\u2028\u202e\x00"
     text = as_script_data(chart(np.arange(2.0), np.arange(2.0), name))
     assert not set("<>&\u2028") & set(text)
-    assert json.loads(text)["panels"][0]["lines"][0]["run"] == "</script><!--<script>&\u2028\ufffd\ufffd"
+    assert json.loads(text)["panels"][0]["marks"][0]["run"] == "</script><!--<script>&\u2028\ufffd\ufffd"

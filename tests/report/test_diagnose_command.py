@@ -1,4 +1,4 @@
-"""`pliant diagnose` writes its page where it was told."""
+"""`pliant diagnose` writes its page to the given path."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ def run(*words):
 
 
 @pytest.mark.slow
-def test_the_page_stands_in_the_folder_that_was_asked_for_without_pictures_of_another_verdict(workplace):
+def test_the_page_is_in_the_requested_folder_without_pictures_from_another_verdict(workplace):
     pictures = workplace / "here" / "pictures"
     pictures.mkdir(parents=True)
     for name in ("hypotheses", "repeats", "changes_2", "mine"):

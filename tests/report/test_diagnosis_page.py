@@ -1,4 +1,4 @@
-"""The page of a diagnosis: one for each verdict, self-contained, the same each time, true to the numbers behind it."""
+"""The page of a diagnosis: one for each verdict, self-contained, reproducible, consistent with the numbers."""
 
 import re
 from dataclasses import replace
@@ -13,31 +13,34 @@ from tests.diagnosis.quick import (
     REGISTRY,
     effect,
     joint,
+    make_measurement,
+    make_predictor,
     measured,
-    measurement_of,
     poor,
-    predictor_of,
     ramp,
     rich,
 )
 from tests.report.pages import check_sound
 from tests.slow import slow_among
 
-from pliant.diagnosis.diagnosis import diagnose
+from pliant.diagnosis.classes import EffectClass
+from pliant.diagnosis.diagnosis import class_words, diagnose, explanation
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.diagnosis.verdict import Verdict
 from pliant.evidence.excess import Excess
 from pliant.records.term import LawTerm
+from pliant.report.chart import ChartBars
 from pliant.report.diagnosis import diagnosis_document, implausible, numbers_text
-from pliant.report.diagnosis_tables import (
+from pliant.report.diagnosis_page import (
     detectable_table,
+    explained_chart,
+    hypotheses_chart,
     hypotheses_table,
     look_alikes_table,
     not_excited_table,
     parameter_texts,
 )
 from pliant.report.evidence_view import Diagnosed
-from pliant.report.figures.diagnosis import explained_chart, hypotheses_chart
 from pliant.report.fitted import most_probable, value_text
 from pliant.report.render import page as rendered
 
@@ -45,13 +48,13 @@ FEW = ("stiffness", "actuation_gain", "viscoelastic", "thermal_softening")
 
 
 def ridge(angle, rate, dt, p, t, old, new, c):
-    """An error of the law across actuation and angle, N·m."""
+    """Return an error of the law across actuation and angle, N·m."""
     return c[0] / (1.0 + ((p / 15e3 - 0.45 + 0.4 * angle) / 0.25) ** 2)
 
 
 @cache
 def made(verdict):
-    """A measurement whose diagnosis has this verdict, and the diagnosis."""
+    """Return a measurement whose diagnosis has this verdict, and the diagnosis."""
     chain, kinds, law_error = joint(), FEW, 1e-5
     if verdict == "missing_effect":
         measurement = measured(chain, rich(), effect("viscoelastic"))
@@ -73,7 +76,7 @@ def made(verdict):
         measurement = measured(chain, rich(), offset=0.02)
     else:
         measurement = measured(chain, [ramp("only", 500.0, 10.0)])
-    predictor = predictor_of(chain, measurement)
+    predictor = make_predictor(chain, measurement)
     predictor.law_error = law_error
     found = diagnose(predictor, kinds=kinds)
     assert found.verdict == verdict
@@ -151,18 +154,19 @@ def test_the_model_as_it_is_and_an_unknown_effect_are_always_among_the_bars(miss
 def test_moving_bars_end_at_probabilities_and_loops_stand_over_the_input(ambiguous):
     shown, probability = ambiguous.hypotheses(), ambiguous.found.judgement.probability
     bars = hypotheses_chart(ambiguous).panels[0]
-    assert [100 * probability.get(kinds, 0.0) for kinds in shown] == [line.x[-1] for line in bars.lines]
-    assert [line.name for line in bars.lines] == [bars.y.names[int(-line.y[0])] for line in bars.lines]
+    drawn = bars.select(ChartBars)
+    assert [100 * probability.get(kinds, 0.0) for kinds in shown] == [bar.high[0] for bar in drawn]
+    assert [bar.at[0] for bar in drawn] == list(range(len(bars.y.names))) and len(drawn) == len(shown)
     chart = explained_chart(ambiguous, "angle_rad")
     assert chart.column == 3
     top, loop = chart.panels[0], chart.panels[2]
     for line, over in zip(top.lines, loop.lines, strict=True):
         np.testing.assert_array_equal(line.y, over.y)
-    run = next(one for one in ambiguous.measurement.runs if one.name == top.title)
+    run = next(one for one in ambiguous.measurement.runs if one.name == top.linked)
     assert loop.lines[0].x.max() == pytest.approx(1e-3 * run.input("pressure_pa").max())
 
 
-def test_predictions_and_residuals_of_the_page_add_up_to_the_readings(missing):
+def test_predictions_and_residuals_on_the_page_add_up_to_the_readings(missing):
     for kinds in (NOTHING, ("viscoelastic",)):
         residual = missing.found.readings.unpack(missing.found.fits[kinds].residual)
         for run, model, left in zip(
@@ -173,7 +177,7 @@ def test_predictions_and_residuals_of_the_page_add_up_to_the_readings(missing):
             )
 
 
-def test_runs_are_chosen_where_the_explanation_takes_most_of_the_error(missing):
+def test_runs_are_chosen_where_the_explanation_takes_most_error(missing):
     fits, readings = missing.found.fits, missing.found.readings
     fall = fits[NOTHING].residual ** 2 - fits[("viscoelastic",)].residual ** 2
     mean = {run.name: fall[readings.run == k].mean() for k, run in enumerate(missing.measurement.runs)}
@@ -204,7 +208,7 @@ def test_effects_that_are_not_excited_have_their_run_and_no_smallest_strength(am
     assert "thermal_softening" not in [row[0] for row in detectable_table(ambiguous.found).rows]
 
 
-def test_the_sentence_tells_the_fall_of_the_left_out_error(missing):
+def test_the_sentence_states_the_left_out_error_reduction(missing):
     table = missing.found.table
     before, after = (table.over_floor(table.rows[k].heldout_square) for k in (NOTHING, ("viscoelastic",)))
     assert f"from {before:.2f} to {after:.2f} × the noise floor" in numbers_text(missing.found)
@@ -223,7 +227,7 @@ def test_parameters_hold_the_truth_within_what_is_printed(missing):
 def test_values_outside_the_plausible_range_are_said():
     chain = joint()
     measurement = measured(chain, rich(), effect("stiffness", factor=2.0))
-    found = diagnose(predictor_of(chain, measurement), kinds=("stiffness", "sensor_bias"))
+    found = diagnose(make_predictor(chain, measurement), kinds=("stiffness", "sensor_bias"))
     (text,) = implausible(found)
     assert "stiffness.factor" in text and "0.7 to 1.4" in text
     assert "(implausible" in parameter_texts(found, ("stiffness",))[0]
@@ -247,8 +251,8 @@ def test_values_have_units_for_people_and_the_digits_that_are_known(entry, text)
 
 
 @given(st.floats(1e-3, 1e3), st.floats(1e-4, 1.0))
-def test_what_is_printed_is_the_value_to_a_twentieth_of_its_deviation(value, share):
-    """Two digits of the deviation: what is rounded off is at most a twentieth of it, a hundredth of large numbers."""
+def test_a_printed_value_is_within_a_twentieth_deviation(value, share):
+    """Two digits of the deviation are printed: rounding is at most a twentieth of it, a hundredth of large numbers."""
     sd = share * value
     printed = float(value_text(value, sd, "1").split()[0])
     assert abs(printed - value) <= max(0.051 * sd, 0.006 * value if sd >= 10 else 0.0)
@@ -264,13 +268,13 @@ def test_readings_without_noise_or_time_and_missing_ones_have_a_page(clock):
         {"angle_rad": np.where(np.arange(len(run)) % 7 == 3, np.nan, run.outputs["angle_rad"])}
         for run in measurement.runs
     ]
-    punched = measurement_of(histories, holes) if clock else measurement
-    found = diagnose(predictor_of(chain, punched), kinds=("stiffness", "actuation_gain"))
+    punched = make_measurement(histories, holes) if clock else measurement
+    found = diagnose(make_predictor(chain, punched), kinds=("stiffness", "actuation_gain"))
     page = rendered(diagnosis_document("f", punched, found, REGISTRY))
     assert "changes_1" in page.pictures and "nan" not in re.sub(r'"data:[^"]*"', "", page.html)
 
 
-# What a diagnosis says to do last, by how far what is left lies above the floor.
+# The last advice of a diagnosis, by the ratio of the remaining error to the floor.
 LEFT = [
     ("unknown_effect", 1.06, "Leave the model as it is unless"),
     ("unknown_effect", 2.4, "Do not extend the study"),
@@ -294,3 +298,21 @@ def test_the_terminal_says_which_explanations_its_table_has_and_orders_them():
     assert rows == [*((f"effect_{k}",) for k in range(6)), NOTHING]
     assert words.startswith("The 6 most probable of 11 explanations") and "the model as it is" in words
     assert most_probable({NOTHING: 0.2, UNKNOWN: 0.8}, 6)[0] == [UNKNOWN, NOTHING]
+
+
+def test_one_next_run_is_named(case):
+    """The page names no other run for a class of look-alikes than the proposed one; the report lists those."""
+    _, found, _ = case
+    text = " ".join(explanation(found, REGISTRY))
+    runs = re.findall(r"run '(\w+)'", text)
+    if found.next_run is not None and "Next: " in text:
+        assert set(runs) <= {found.next_run.name}
+
+
+def test_a_class_names_its_run_where_no_other_is_proposed():
+    one = EffectClass(
+        ("backlash", "stiffness"), "blocked", "the load brings it back", 6.0, (("backlash",), ("stiffness",))
+    )
+    assert "the run 'blocked' would" in class_words(one)
+    assert "the run 'blocked' would" in class_words(one, (), "blocked")
+    assert class_words(one, (), "load_steps").endswith("cannot tell backlash and stiffness apart.")

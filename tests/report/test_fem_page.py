@@ -1,4 +1,4 @@
-"""The page of FEM data, from small made-up data of each kind of joint: what it says and that all of it is there."""
+"""The page of FEM data, from small invented data of each kind of joint: its text and its completeness."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ from pliant.report.fem_page import (
     failed_table,
     sampling_table,
     shape_section,
+    states_chart,
     states_table,
 )
 from pliant.report.fem_view import DesignStates, failed_place, foretold_axes, free_reach, solved_rows
 from pliant.report.figures import body
-from pliant.report.figures.fem import states_picture
 from pliant.report.figures.module import can_show, free_title, has_stress, stress_caption, stretch_limits
 from pliant.report.fit_tables import axes_table
 from pliant.report.render import page
+from pliant.report.still import still
+from pliant_plugins.materials.neo_hookean import NeoHookeanConfig
 
 LEVELS, ANGLES = (0.0, 4e3, 8e3), (-0.1, 0.0, 0.1, 0.2)
 TOLD = ("actuation", "deformation", "foretold", "found", "deviation", "miss")
@@ -43,7 +45,7 @@ ADAPTIVE = {
 
 
 def module(axes: tuple[str, ...] = ("y",), joint: Any = "revolute", **changes: Any) -> ModuleData:
-    """A linear module τ = p/40 − K u: free states, held states on a grid, a check, one in contact, one failed."""
+    """Return a linear module τ = p/40 − K u: free and grid states, a check state, one in contact, one failed."""
     main = "x" if joint == "prismatic" else "y"
     k, m = len(axes), axes.index(main)
     stiffness = np.diag(0.5 + np.arange(k))
@@ -100,8 +102,10 @@ def artifact(data: ModuleData) -> Any:
     return SimpleNamespace(value=data, cached=False, manifest=manifest, key="k")
 
 
-def document(*data: ModuleData) -> Any:
-    study = SimpleNamespace(name="a", canonical=lambda: {"name": "a", "fem": {"kind": "skfem"}})
+def document(*data: ModuleData, material: Any = None) -> Any:
+    study = SimpleNamespace(
+        name="a", material=material, canonical=lambda: {"name": "a", "fem": {"kind": "skfem"}}
+    )
     return fem_document(study, [artifact(one) for one in data], ["fem.csv"] * len(data))  # type: ignore[arg-type]
 
 
@@ -112,11 +116,11 @@ def test_the_page_holds_everything_and_nothing_from_outside(kind: str) -> None:
     assert set(made.pictures) == {"fem_states", "fem_sampling", "fem_cost"}
     assert "diverged &lt;here&gt;" in made.html
     assert "stated error 0.015 % of the effort's range" in text
-    first, second = (states_picture(KINDS[kind]).tobytes() for _ in range(2))
+    first, second = (still(states_chart(KINDS[kind])).tobytes() for _ in range(2))
     assert first == second
 
 
-def test_units_are_those_of_the_joint() -> None:
+def test_units_match_the_joint() -> None:
     assert free_reach(KINDS["revolute"]) == "bends 22.92° at 8 kPa"
     assert free_reach(KINDS["prismatic"]) == "extends by 400.00 mm at 8 kPa"
     assert free_reach(KINDS["tendon"]) == "bends 22.92° at 8000 N"
@@ -195,7 +199,7 @@ def test_failures_say_what_was_held() -> None:
 
 
 class Linear:
-    """The law that the made-up states come from, its axes in another order, one slope off by a tenth."""
+    """The law of the invented states, its axes in another order, one slope off by a tenth."""
 
     axes, joint = ("z", "y", "x"), "spherical"
     domain = Domain(np.array([0.0, 8e3]), np.array([[-0.5, 0.5]] * 3))
@@ -232,7 +236,7 @@ def test_the_command_says_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_designs_of_a_study_have_a_picture_each() -> None:
+def test_each_design_in_a_study_has_a_picture() -> None:
     sections = data_sections([DesignStates("one", module()), DesignStates("two", module())])
     assert [p.name for p in sections[0].pictures] == ["fem_states", "fem_states_2"]
     assert [t.title for t in sections[2].tables] == ["one: Cost", "two: Cost"]
@@ -240,7 +244,7 @@ def test_designs_of_a_study_have_a_picture_each() -> None:
 
 
 def block(stretch: float, mirrors: tuple[str, ...], stress: bool = False) -> ModuleShape:
-    """An eighth of a solid block 4 × 4 × 4 mm whose x is stretched; six faces of 9 nodes."""
+    """Return an eighth of a solid block 4 × 4 × 4 mm whose x is stretched; six faces of 9 nodes."""
     s = np.array([0.0, 0.5, 1.0])
     grid = np.stack(np.meshgrid(s, s, s, indexing="ij"), axis=-1)  # (x, y, z)
     ids = np.arange(27).reshape(3, 3, 3)
@@ -256,7 +260,7 @@ def block(stretch: float, mirrors: tuple[str, ...], stress: bool = False) -> Mod
 
 
 @pytest.mark.slow
-def test_mirror_images_of_a_sliding_piece_make_the_block() -> None:
+def test_mirror_images_from_a_sliding_piece_make_the_block() -> None:
     shapes = (block(1.0, ("x", "y", "z")), block(1.5, ("x", "y", "z"), stress=True))
     data = replace(KINDS["prismatic"], shapes=shapes).axis("x")
     assert can_show(data)
@@ -268,7 +272,7 @@ def test_mirror_images_of_a_sliding_piece_make_the_block() -> None:
     cut = body.cut_module(free, 0.0)
     assert np.ptp(cut.points, axis=0) == pytest.approx([0.006, 0.002, 0.004])
     assert stretch_limits([free])[1] == 1.5
-    # 6 sides of 4 images each that lie outside, each of one face; those in mirror planes are left out
+    # 6 sides of 4 images each are outside, each of one face; those in mirror planes are left out
     assert len(whole.faces) == 24
     assert len(cut.faces) == 2 * (4 + 4)  # + the section
     assert _volume(whole) == pytest.approx(96e-9)
@@ -290,8 +294,16 @@ def test_a_piece_without_mirror_planes_is_the_module() -> None:
 
 
 def _volume(surface: Any) -> float:
-    """By the divergence theorem over the faces' corners, which are flat here."""
+    """Return the volume by the divergence theorem over the faces' corners, which are flat here."""
     corners = surface.points[surface.faces[:, [0, 2, 8, 6]]]
     a, b, c, d = (corners[:, k] for k in range(4))
     normal = np.cross(c - a, d - b) / 2
     return float(np.sum(np.einsum("fc,fc->f", corners.mean(axis=1), normal)) / 3)
+
+
+def test_the_result_says_whether_poissons_ratio_was_stated() -> None:
+    """The ratio 0.49 is a default, not a measurement."""
+    for keys, ratio, stated in (({}, 0.49, False), ({"poisson_ratio": 0.49}, 0.49, True)):
+        material = NeoHookeanConfig(shear_modulus_pa=2e5, **keys)
+        result = document(module(), material=material).data["material"]
+        assert result == {"kind": "neo_hookean", "poisson_ratio": ratio, "poisson_ratio_stated": stated}

@@ -1,22 +1,22 @@
-"""The first screen of a page answers four questions; what stands below is folded, and printing opens it."""
+"""The first screen of a page answers four questions; the sections below are folded, and printing opens them."""
 
 import re
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from tests.report.pages import check_sound
-from tests.report.test_comparison_page import bench, falling_shift, page_of
+from tests.report.test_comparison_page import bench, falling_shift, page_html
 
+from pliant.report.chart import robust_ends
+from pliant.report.comparison_charts import beyond_notes
 from pliant.report.document import Document, Section, Table, Warned, answers, drawn
-from pliant.report.figures import style
 from pliant.report.render import page
 
 LABELS = ["How good", "What is missing", "How sure", "What next"]
 
 
 def folded(html):
-    """Titles of the sections, and whether each is open."""
+    """Return titles of the sections, and whether each is open."""
     every = re.findall(r"<section>\s*<details( open)?><summary><h2>(.*?)</h2></summary>", html)
     assert len(every) == html.count("<section")
     return {title: bool(is_open) for is_open, title in every}
@@ -28,7 +28,7 @@ def labels_before_the_picture(html):
 
 @pytest.mark.slow
 def test_a_comparison_answers_four_questions_before_its_first_picture():
-    made = page_of(*bench(0, effect=falling_shift(0.02)))
+    made = page_html(*bench(0, effect=falling_shift(0.02)))
     assert labels_before_the_picture(made.html) == LABELS
     sections = folded(made.html)
     assert sections["Where the error is"] and not sections["Numbers"]
@@ -53,16 +53,14 @@ def test_many_warnings_are_folded_after_the_gravest():
 
 
 @pytest.mark.parametrize("far", [60.0, -60.0])
-def test_a_step_does_not_squeeze_the_panel_of_rates_and_is_marked(far):
+def test_a_step_does_not_squeeze_the_rate_panel_and_is_marked(far):
     values = np.concatenate([np.linspace(-1.0, 1.0, 200), [far, far / 2]])
-    low, high = style.robust_ends(values)
+    low, high = robust_ends(values)
     assert -1.5 < low < -0.8 and 0.8 < high < 1.5
-    axes = Figure().add_subplot()
-    style.cut_at(axes, (low, high), values)
-    (text,) = [one.get_text() for one in axes.texts]
-    assert "2 beyond, to" in text and "60" in text
+    (note,) = beyond_notes((low, high), values)
+    assert "2 beyond, to" in note.text and "60" in note.text
 
 
 @pytest.mark.parametrize("values", [np.linspace(-3, 3, 50), np.ones(9), np.zeros(0), np.array([0.0, 60.0])])
 def test_values_that_nothing_squeezes_keep_their_axis(values):
-    assert style.robust_ends(values) is None
+    assert robust_ends(values) is None

@@ -1,4 +1,4 @@
-"""The page of a fit: its numbers are those of the report, its pictures are there, what limits the law is said."""
+"""The page of a fit: its numbers are those of the report, its pictures are present, limits of the law are stated."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import pytest
 from tests.report.pages import check_sound, words
 
 from pliant.errors import UserError
+from pliant.fem_tables.writing import write_table
 from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
-from pliant.pipeline.residuals import module_of
+from pliant.pipeline.residuals import as_module_data
 from pliant.pipeline.segments import DesignSpec, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain
 from pliant.registry.discovery import discover
 from pliant.report.document import page_table
-from pliant.report.figures.error_bars import coverage_picture
 from pliant.report.fit import (
     fit_document,
     fit_sentence,
@@ -31,7 +31,13 @@ from pliant.report.fit import (
     fitted_law,
     stored_fit_page,
 )
-from pliant.report.fit_page import bar_section, comparison_section, residual_map, slope_map
+from pliant.report.fit_page import (
+    bar_section,
+    comparison_section,
+    coverage_chart,
+    residual_chart,
+    slope_chart,
+)
 from pliant.report.fit_tables import (
     SURROGATES,
     axes_table,
@@ -44,9 +50,9 @@ from pliant.report.fit_tables import (
 from pliant.report.fit_view import ReportedLaw, least_stable, slope_grid
 from pliant.report.render import page
 from pliant.report.stage import write_page
+from pliant.report.still import still
 from pliant.store.store import ArtifactStore
-from pliant.tabular.fem_writing import write_table
-from pliant.testing.samples import barred_law, linear_law, softening_law, table_of
+from pliant.testing.samples import barred_law, linear_law, sample_table, softening_law
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
@@ -57,9 +63,9 @@ SIZE = 2e-4
 
 @cache
 def fitted() -> ReportedLaw:
-    """A polynomial of the worked law with scatter, and its learning curve."""
+    """Return a polynomial of the worked law with scatter, and its learning curve."""
     surrogate = Polynomial(PolynomialConfig(kind="polynomial", max_degree=3))
-    data = module_of(table_of(softening_law(), noise_n_m=3e-5))
+    data = as_module_data(sample_table(softening_law(), noise_n_m=3e-5))
     made = surrogate.fit_module(data)
     data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 4))
     learning = learning_curve(surrogate, data)
@@ -68,9 +74,9 @@ def fitted() -> ReportedLaw:
 
 @cache
 def barred() -> ReportedLaw:
-    """A linear law whose states miss it by normal errors of exactly the size of its bar."""
+    """Return a linear law whose states deviate from it by normal errors of exactly the size of its bar."""
     law = barred_law(linear_law(), BOX, SIZE, seed=2)
-    data = module_of(table_of(linear_law()))
+    data = as_module_data(sample_table(linear_law()))
     random = np.random.default_rng(3)
     n = 400
     p, u = 15e3 * random.random(n), -0.2 + 0.65 * random.random((n, 1))
@@ -85,7 +91,7 @@ def barred() -> ReportedLaw:
     return ReportedLaw("linear", "sample", law, fitted().report, data, 0.1)
 
 
-def written(bench: Workbench, title: str, laws: list[ReportedLaw], folder: Path) -> Path:
+def written(bench: RunContext, title: str, laws: list[ReportedLaw], folder: Path) -> Path:
     document = fit_document(title, laws, {"name": title}, {}, [])
     made = stored_fit_page(bench, document, laws, {"name": title}).render(document)
     return write_page(folder, made.html, made.pictures, document.page)
@@ -95,11 +101,11 @@ def test_the_page_holds_every_part_and_nothing_from_outside() -> None:
     made = page(fit_document("a <law>", [fitted()], {"name": "x"}, {}, []))
     text = check_sound(made)
     assert set(made.pictures) == {"fit_law", "fit_map", "fit_bars", "fit_learning", "fit_slopes"}
-    first, second = (coverage_picture(barred().coverage).tobytes() for _ in range(2))
+    first, second = (still(coverage_chart(barred().coverage)).tobytes() for _ in range(2))
     assert first == second
-    with warnings.catch_warnings():  # a slope that never varies is drawn as one colour
+    with warnings.catch_warnings():  # a constant slope is drawn as one colour
         warnings.simplefilter("error")
-        assert len(slope_map(barred()).tobytes()) > 5_000
+        assert len(still(slope_chart(barred())).tobytes()) > 5_000
     assert "a &lt;law&gt;" in made.html and fit_sentence(fitted()) in text
     assert "8.26 %" in text and "Yao, Howard, Maiolino" in text
 
@@ -112,12 +118,12 @@ def test_errors_are_the_reports_own() -> None:
     assert told[1] == number(1e3 * one.report.rmse, 3)
     assert told[3] == percent(one.report.worst_of_range, 3)
     form = one.report.details["study_form"]
-    assert rows["the study's form, least squares"][3] == percent(form["worst_of_range"], 3)
+    assert rows["the published form, least squares"][3] == percent(form["worst_of_range"], 3)
     assert percent(one.report.worst_of_range) in fit_sentence(one)
     assert one.misses.rows(one.misses.check).worst == pytest.approx(one.report.worst_of_range, rel=1e-9)
-    assert any("published" in name for name in rows)
+    assert any("published study" in name for name in rows)
     tendon = replace(one.law, actuation_name="tendon_force_n")
-    assert not any("published" in row[0] for row in errors_table(replace(one, law=tendon)).rows)
+    assert not any("published study" in row[0] for row in errors_table(replace(one, law=tendon)).rows)
 
 
 def test_the_studys_form_is_scored_here_where_the_report_has_none() -> None:
@@ -125,11 +131,11 @@ def test_the_studys_form_is_scored_here_where_the_report_has_none() -> None:
     assert replace(fitted(), report=bare).study_misses == {}
     study = Polynomial(PolynomialConfig(kind="polynomial", form="study")).fit_module(fitted().data).law
     beside = replace(fitted(), report=bare, study_law=study)
-    found = beside.study_misses["the study's form, least squares"]
+    found = beside.study_misses["the published form, least squares"]
     assert found.rows(found.check).worst == pytest.approx(
         fitted().report.details["study_form"]["worst_of_range"], rel=1e-6
     )
-    assert any(row[0].startswith("the study's form") for row in errors_table(beside).rows)
+    assert any(row[0].startswith("the published form") for row in errors_table(beside).rows)
 
 
 def test_honest_bars_cover_what_they_state() -> None:
@@ -150,7 +156,7 @@ def test_a_law_without_bars_says_so() -> None:
     assert bar_section(bare) is None and bar_section(barred()) is not None
 
 
-def test_an_unstable_law_is_warned_of_and_its_worst_slope_told() -> None:
+def test_an_unstable_law_is_warned_about_with_its_worst_slope() -> None:
     soft = replace(barred().law, stiffness=np.array([[-0.01]]))
     assert least_stable(soft) == pytest.approx(0.01)
     assert least_stable(barred().law) == pytest.approx(-0.04)
@@ -168,7 +174,7 @@ def test_the_choice_lists_every_candidate_with_one_chosen() -> None:
     assert choice_table(replace(fitted(), report=replace(fitted().report, details={})), "y") is None
 
 
-def test_learning_and_cost_are_those_of_the_records() -> None:
+def test_learning_and_cost_equal_the_records() -> None:
     table = learning_table(fitted().learning)
     last = next(row for row in table.rows if row[0] == "42")
     points = {p["slopes"]: p for p in fitted().learning["points"] if p["n"] == 42}
@@ -194,7 +200,7 @@ def test_surrogates_stand_side_by_side() -> None:
 
 @cache
 def spherical() -> ReportedLaw:
-    """The exact law of three coupled axes, with a tenth of an error put on axis z."""
+    """Return the exact law of three coupled axes, with a tenth of an error put on axis z."""
     designs = solved_spherical_designs((2, 2))
     data, law = designs.data[0], spherical_sample_law(designs.values[0])
     data = replace(data, tau=data.tau + np.array([0.0, 0.0, 1e-4]) * (data.explored == "z")[:, None])
@@ -207,13 +213,13 @@ def test_three_axes_are_told_apart() -> None:
     worst = {row[0]: row[-1] for row in table.rows}
     assert worst["z"] == "0.1"
     assert float(worst["x"].replace("·10⁻", "e-").translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789"))) < 1e-6
-    assert len(residual_map(spherical()).tobytes()) > 10_000
+    assert len(still(residual_chart(spherical())).tobytes()) > 10_000
 
 
 @pytest.mark.slow
 def test_the_stage_writes_the_page_once_and_refuses_a_stated_law(tmp_path: Path) -> None:
-    bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
-    write_table(table_of(softening_law(), noise_n_m=3e-5), tmp_path / "bench.csv")
+    bench = RunContext(discover(), ArtifactStore(tmp_path / "store"))
+    write_table(sample_table(softening_law(), noise_n_m=3e-5), tmp_path / "bench.csv")
     config = PolynomialConfig(kind="polynomial", data=tmp_path / "bench.csv", max_degree=2)
     law = law_stage(bench, config, None)
     made = fitted_law(bench, "bench", config, law, learning=False, source="bench.csv")
@@ -221,19 +227,19 @@ def test_the_stage_writes_the_page_once_and_refuses_a_stated_law(tmp_path: Path)
     assert file.name == "fit.html" and not (tmp_path / "pictures").exists()
     text = words(file.read_text())
     assert f"within {percent(law.report.worst_of_range)} of bench.csv on 10 states left out" in text
-    first = file.read_bytes()  # it holds times that were measured then
+    first = file.read_bytes()  # it contains times that were measured then
     again = fitted_law(bench, "bench", config, law, learning=False, source="bench.csv")
     assert written(bench, "bench", [again], tmp_path).read_bytes() == first
     with pytest.raises(UserError, match="stated by its coefficients"):
         fitted_law(bench, "stated", config, LawStage(softening_law(), None, None, None))
 
 
-def test_a_bar_of_several_axes_is_pooled_first() -> None:
+def test_bars_on_several_axes_are_pooled_first() -> None:
     law = spherical().law
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     random = np.random.default_rng(0)
     places = box[:, 0] + np.ptp(box, axis=1) * random.random((80, 4))
-    bar = ErrorBar.of(box, places[:, 0], places[:, 1:], 1e-4 * random.standard_normal((80, 3)))
+    bar = ErrorBar.from_residuals(box, places[:, 0], places[:, 1:], 1e-4 * random.standard_normal((80, 3)))
     object.__setattr__(law := replace(law), "error", bar)
     data = replace(spherical().data, role=np.full(len(spherical().data), "check"))
     curves = replace(spherical(), law=law, data=data).coverage
@@ -242,10 +248,10 @@ def test_a_bar_of_several_axes_is_pooled_first() -> None:
 
 
 def test_one_table_for_each_axis_makes_one_page(tmp_path: Path) -> None:
-    bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
+    bench = RunContext(discover(), ArtifactStore(tmp_path / "store"))
     stiffness = {"x": 0.05, "y": 0.04, "z": 0.06}
     for axis, k in stiffness.items():
-        write_table(replace(table_of(linear_law(stiffness=k)), axis=axis), tmp_path / f"{axis}.csv")
+        write_table(replace(sample_table(linear_law(stiffness=k)), axis=axis), tmp_path / f"{axis}.csv")
     axes = {axis: {"data": tmp_path / f"{axis}.csv", "max_degree": 2} for axis in stiffness}
     config = PolynomialConfig.model_validate({"kind": "polynomial", "axes": axes})
     law = law_stage(bench, config, None)
@@ -259,7 +265,7 @@ def test_one_table_for_each_axis_makes_one_page(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Path) -> None:
-    bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
+    bench = RunContext(discover(), ArtifactStore(tmp_path / "store"))
     data = solved_designs((2, 2)).data[0]
     data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 3))
     fem = bench.make("fem", lambda partial: data, components=[], modules=[], config={}, inputs={})

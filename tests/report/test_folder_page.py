@@ -1,4 +1,4 @@
-"""A written folder, read again, gives the page that the run in memory gave."""
+"""A written folder, read again, gives the page of the run in memory."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tests.slow import slow_among
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
+from pliant.fem_tables.writing import write_table
+from pliant.pipeline.run_folder import FinishedRun, finished, read_folder, write_folder
 from pliant.pipeline.study import StudyRun, simulate_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.registry.discovery import discover
 from pliant.report.document import Page
-from pliant.report.folder import FinishedRun, finished, read_folder, write_folder
 from pliant.report.render import page as page_of
 from pliant.report.run import run_document
 from pliant.report.stage import NAMES, write_page
 from pliant.store.store import ArtifactStore
-from pliant.tabular.fem_writing import write_table
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import sample_table, softening_law
 
 
 def shown(run: FinishedRun) -> Page:
@@ -50,7 +50,7 @@ STATED = "{kind: polynomial, form: study, coefficients: {k_n: 1.6e-6, m_a: 0, b_
 TWO = (TWO_DESIGNS.replace("SURROGATE", STATED), TWO_FITTED)
 
 
-def run_of(folder: Path, text: str) -> StudyRun:
+def run_text(folder: Path, text: str) -> StudyRun:
     rows = [
         f"{p},{u},{1.6e-6 * p - 0.03 * u - 1e-6 * p * u}"
         for p in range(0, 15001, 3000)
@@ -59,7 +59,7 @@ def run_of(folder: Path, text: str) -> StudyRun:
     (folder / "law.csv").write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
     (folder / "study.yaml").write_text(text)
     registry = discover()
-    bench = Workbench(registry, ArtifactStore(folder / "store"))
+    bench = RunContext(registry, ArtifactStore(folder / "store"))
     return simulate_study(bench, load_study(folder / "study.yaml", registry, ()))
 
 
@@ -71,7 +71,7 @@ def run_of(folder: Path, text: str) -> StudyRun:
 def test_a_folder_carried_elsewhere_gives_the_same_page(tmp_path: Path, text: str) -> None:
     home = tmp_path / "home"
     home.mkdir()
-    run = run_of(home, text)
+    run = run_text(home, text)
     page = shown(finished(run, {}))
     write_folder(home / "out", run, {})
     elsewhere = tmp_path / "anders wo ü"
@@ -90,7 +90,7 @@ JUNK = ("", "[]", "7", '"x"', "{}", '{"artifacts": 3}', '{"artifacts": [], "desi
 
 
 def test_a_damaged_folder_is_one_sentence_and_running_again_mends_it(tmp_path: Path) -> None:
-    run, out = run_of(tmp_path, FITTED), tmp_path / "out"
+    run, out = run_text(tmp_path, FITTED), tmp_path / "out"
     fitted = [(f"data/fit0/{file}", "{") for file in ("value.json", "arrays.npz", "manifest.json")]
     registry = discover()
     for name, text in [*fitted, *itertools.product(["run.json", "study.json"], JUNK)]:
@@ -101,33 +101,33 @@ def test_a_damaged_folder_is_one_sentence_and_running_again_mends_it(tmp_path: P
             read_folder(out, registry)
 
 
-def test_nothing_of_an_earlier_run_remains(tmp_path: Path) -> None:
+def test_nothing_from_an_earlier_run_remains(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    write_folder(out, run_of(tmp_path, TWO_FITTED), {})
+    write_folder(out, run_text(tmp_path, TWO_FITTED), {})
     (out / "notes.txt").write_text("mine")
     (out / "fem_2.csv").write_text("mine")
-    write_folder(out, run_of(tmp_path, STUDY), {})
+    write_folder(out, run_text(tmp_path, STUDY), {})
     names = {p.relative_to(out).as_posix() for p in out.rglob("*")}
     assert not any(name.startswith(("data/fit", "data/table")) for name in names)
     assert {"notes.txt", "fem_2.csv", "run.json", "data/simulate0_quasistatic"} <= names
 
 
 def test_a_folder_half_written_is_no_finished_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run, out = run_of(tmp_path, FITTED), tmp_path / "out"
+    run, out = run_text(tmp_path, FITTED), tmp_path / "out"
     write_folder(out, run, {})
 
     def full(source: Path, target: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("pliant.report.folder._replace_copy", full)
+        patch.setattr("pliant.pipeline.run_folder._replace_copy", full)
         with pytest.raises(UserError, match="No space left on device"):
             write_folder(out, run, {})
     with pytest.raises(UserError, match="holds no finished run"):
         read_folder(out, discover())
 
 
-def test_pictures_of_an_earlier_report_go_and_a_users_own_stay(tmp_path: Path) -> None:
+def test_pictures_from_an_earlier_report_go_and_a_users_own_stay(tmp_path: Path) -> None:
     picture = np.zeros(3, np.uint8)
     (tmp_path / "pictures").mkdir()
     (tmp_path / "pictures" / "law_photo.png").touch()
@@ -147,10 +147,10 @@ uncertainty: {samples: 8}
 
 @pytest.mark.slow
 def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
-    write_table(table_of(softening_law(), noise_n_m=1e-4), tmp_path / "law.csv")
+    write_table(sample_table(softening_law(), noise_n_m=1e-4), tmp_path / "law.csv")
     (tmp_path / "study.yaml").write_text(UNCERTAIN)
     registry = discover()
-    bench = Workbench(registry, ArtifactStore(tmp_path / "store"))
+    bench = RunContext(registry, ArtifactStore(tmp_path / "store"))
     run = simulate_study(bench, load_study(tmp_path / "study.yaml", registry, ()))
     write_folder(tmp_path / "out", run, {})
     again = read_folder(tmp_path / "out", registry)

@@ -1,4 +1,4 @@
-"""A wide band is no praise, and what is left or cannot be stands behind what was added."""
+"""A wide band is reported as a limitation, and the remaining error and limits follow the added effects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import P, measurement_of, ramp
+from tests.diagnosis.quick import P, make_measurement, ramp
 
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.uncertainty import Estimate
@@ -20,7 +20,7 @@ def _band(half: float) -> tuple[Bands, Any]:
     run = ramp("a", 3e3, 0.5, (P, 0.0))
     read = {"angle_rad": np.zeros(len(run))}
     ends = ({"angle_rad": np.full(len(run), sign * half)} for sign in (-1, 1))
-    return Bands(0.9, (read,), *((end,) for end in ends)), measurement_of([run], [read])
+    return Bands(0.9, (read,), *((end,) for end in ends)), make_measurement([run], [read])
 
 
 def test_a_band_as_wide_as_the_misfit_says_so() -> None:

@@ -17,7 +17,11 @@ from tests.report.pages import check_sound
 from pliant.execution.progress import Silent
 from pliant.formatting import percent
 from pliant.pipeline.learning import design_learning
-from pliant.pipeline.meta_model.cross_validation import misses_left_out, parts_of, scores_of
+from pliant.pipeline.meta_model.cross_validation import (
+    cross_validation_folds,
+    misses_left_out,
+    scores_by_place,
+)
 from pliant.pipeline.meta_model.designs import SourcedDesigns
 from pliant.pipeline.meta_model.error_bars import Bars
 from pliant.pipeline.meta_model.next_design import Proposal
@@ -25,7 +29,7 @@ from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.records.solved import SolvedDesigns
 from pliant.report.document import Document, page_table
 from pliant.report.meta import meta_sentence, meta_warnings
-from pliant.report.meta_page import design_errors, meta_drawn, parity_picture
+from pliant.report.meta_page import designs_chart, meta_drawn, parity_chart
 from pliant.report.meta_view import (
     SCORES,
     WORTH,
@@ -39,6 +43,7 @@ from pliant.report.meta_view import (
     worst_table,
 )
 from pliant.report.render import page
+from pliant.report.still import still
 from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs
 
@@ -47,17 +52,19 @@ def model() -> StandInMetaModel:
     return StandInMetaModel(StandInMetaModelConfig())
 
 
-def of(designs: SolvedDesigns) -> MetaFitted:
-    """A stand-in model with its scores, and FEM of 3 s a design."""
+def make_fitted(designs: SolvedDesigns) -> MetaFitted:
+    """Return a stand-in model with its scores, and FEM of 3 s a design."""
     data = tuple(replace(one, wall_s=np.full(len(one), 3.0 / len(one))) for one in designs.data)
     designs = replace(designs, data=data)
     with TemporaryDirectory() as folder:
-        misses = misses_left_out(model(), designs, parts_of(designs, 4, 4), Path(folder), Silent())
-    bars = Bars.of(designs, misses)
+        misses = misses_left_out(
+            model(), designs, cross_validation_folds(designs, 4, 4), Path(folder), Silent()
+        )
+    bars = Bars.from_residuals(designs, misses)
     artifact: Any = SimpleNamespace(value={"misses": vars(misses)})
     stage = MetaModelStage(
         StandInMetaModelConfig(), SourcedDesigns(designs, {}, "the sweep's 16 designs"), model().fit(designs).laws,
-        scores_of(designs, misses), bars.coverage(designs.corners()), bars, {"terms": 7, "regressor": "a_b"},
+        scores_by_place(designs, misses), bars.coverage(designs.corners()), bars, {"terms": 7, "regressor": "a_b"},
         4, 0.5, 2.0, artifact,
     )  # fmt: skip
     curve: Any = SimpleNamespace(value=design_learning(model(), designs, Silent()))
@@ -66,18 +73,18 @@ def of(designs: SolvedDesigns) -> MetaFitted:
 
 @cache
 def fitted() -> MetaFitted:
-    return of(solved_designs((4, 4)))
+    return make_fitted(solved_designs((4, 4)))
 
 
 def timed(one: MetaFitted, **changes: Any) -> MetaFitted:
-    """The same with other fields, a law taking 2 ms and three million evaluations a second."""
+    """Return the fit with other fields, a law taking 2 ms and three million evaluations a second."""
     made = replace(one, **changes)
     made.__dict__["_timed"] = (2e-3, 3e6)
     return made
 
 
-def of_designs(one: MetaFitted, designs: SolvedDesigns) -> Any:
-    """Its stage with other designs."""
+def with_designs(one: MetaFitted, designs: SolvedDesigns) -> Any:
+    """Return its stage with other designs."""
     return replace(one.stage, solved=replace(one.stage.solved, designs=designs))
 
 
@@ -111,7 +118,7 @@ def test_scores_are_the_pipelines_own() -> None:
     assert [parameter_unit(name).axis for name in names] == units
 
 
-def test_the_worst_designs_are_those_of_the_worst_states() -> None:
+def test_the_worst_designs_have_the_worst_states() -> None:
     one = fitted()
     every = np.abs(one.shares[:, 0])
     design = int(one.misses.design[np.argmax(every)])
@@ -130,7 +137,7 @@ def test_cost_is_fem_against_milliseconds() -> None:
     assert rows["a design by the model instead of FEM"] == "1500 times faster"
     assert rows["FEM saved by every thousand further designs"] == "0.83 hours of one core"
     nobody_knows = timed(
-        fitted(), stage=of_designs(fitted(), replace(fitted().designs, data=tuple(
+        fitted(), stage=with_designs(fitted(), replace(fitted().designs, data=tuple(
             replace(one, wall_s=one.wall_s * np.nan) for one in fitted().designs.data
         ))),
     )  # fmt: skip
@@ -148,7 +155,7 @@ def test_coverage_and_proposals_are_told() -> None:
     assert found.head[-1] == WORTH["doubt"]
 
 
-def test_designs_far_off_are_warned_of() -> None:
+def test_distant_designs_are_warned_about() -> None:
     assert max(scores.worst_of_range for scores in fitted().stage.scores.values()) < 0.05
     assert meta_warnings(fitted()) == []
     bad = replace(fitted().stage.scores["border"], free_lost=2)
@@ -192,13 +199,13 @@ def test_an_interrupted_curve_over_designs_goes_on(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_three_axes_and_one_parameter_have_pictures_too() -> None:
-    three = of(solved_spherical_designs((3, 3)))
+    three = make_fitted(solved_spherical_designs((3, 3)))
     rows = [row.label for row in score_rows([three])]
     assert [row for row in rows if row.startswith("all")] == ["all, axis x", "all, axis y", "all, axis z"]
-    assert "all" in three.stage.coverage and len(parity_picture(three).tobytes()) > 10_000
+    assert "all" in three.stage.coverage and len(still(parity_chart(three)).tobytes()) > 10_000
     one = fitted()
     values = one.designs.values[:, :1]
     line = replace(
-        one, stage=of_designs(one, replace(one.designs, names=one.designs.names[:1], values=values))
+        one, stage=with_designs(one, replace(one.designs, names=one.designs.names[:1], values=values))
     )
-    assert len(design_errors(line).tobytes()) > 5_000
+    assert len(still(designs_chart(line)).tobytes()) > 5_000

@@ -1,4 +1,4 @@
-"""A page's moving pictures and tables in headless Chromium; and without scripts, printed, and at a phone's width."""
+"""A page's interactive charts and tables in headless Chromium; and without scripts, printed, and at a phone's width."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Opened = Callable[..., Any]
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A comparison's page whose first run has a hostile name."""
+    """Return a comparison's page whose first run has a hostile name."""
     measurement, predicted = bench(0, effect=falling_shift(0.02), settings=[(5e3, 0.0), (5e3, 1e-3)], dt=0.2)
     first = measurement.runs[0]
     runs = (replace(first, history=replace(first.history, run=HOSTILE)), *measurement.runs[1:])
@@ -40,7 +40,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def opened(address: str) -> Iterator[Opened]:
-    """Opens the page in a new context; what a script throws, or asks of the network, fails the test at the end."""
+    """Yield a function that opens the page in a new context; script errors and network requests fail the test."""
     wrong: list[str] = []
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=QUIET)

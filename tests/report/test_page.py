@@ -1,4 +1,4 @@
-"""The report page: it says what it was given, copes with what is missing, and needs nothing from outside."""
+"""The report page: it shows its input, tolerates missing parts, and needs nothing from outside."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from tests.report.pages import check_sound, words
 
+from pliant.pipeline.run_folder import DesignResult, FinishedRun
 from pliant.records.law import Domain
 from pliant.report.document import Page
-from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.render import page as page_of
 from pliant.report.run import run_document
 
@@ -34,7 +34,7 @@ def whole(kit: Any) -> FinishedRun:
 
 @pytest.fixture(scope="module")
 def flat(kit: Any, whole: FinishedRun) -> FinishedRun:
-    """The same run without shapes: no bodies to draw, hence quick."""
+    """Return the run without shapes: no bodies to draw, hence quick."""
     return replace(whole, designs=(design(kit, "flat", shapes=False),))
 
 
@@ -71,7 +71,7 @@ def test_warnings_name_every_limit(page: Page) -> None:
 
 @pytest.fixture(scope="module")
 def runs(kit: Any, flat: FinishedRun) -> dict[str, FinishedRun]:
-    """The flat run with a part of it changed."""
+    """Return the flat run with a part of it changed."""
     axes, angles = ("x", "y", "z"), np.tile([0.02, 0.2, 0.1], (10, 1))
     free = Domain.unbounded(1)
     spherical = kit.PlainLaw(axes=axes, joint="spherical", domain=Domain.unbounded(3))
@@ -82,31 +82,31 @@ def runs(kit: Any, flat: FinishedRun) -> dict[str, FinishedRun]:
     loads = {"modules": 8, "gravity_m_s2": [0.0, 0.0, -9.81], "payload_kg": 0.013}
     segments = [{"modules": 1}, {"modules": 1, "rotation_rad": 0.8, "family": {"wall": 0.002}}]
 
-    def of(*designs: DesignResult, engines: Any = flat.engines, **changes: Any) -> FinishedRun:
+    def make_run(*designs: DesignResult, engines: Any = flat.engines, **changes: Any) -> FinishedRun:
         return replace(flat, designs=designs or flat.designs, engines=engines, study=kit.study(**changes))
 
     def bent(total: float, modules: int, **state: Any) -> tuple[Any, ...]:
         return (kit.engine("quasistatic", np.full((modules, 1), total / modules), **state),)
 
     return {
-        "stated": of(DesignResult("stated", None, kit.PlainLaw(domain=free), None)),
-        "table": replace(of(table, engines=()), study={"pliant": 1, "name": "table"}),
-        "unsettled": of(engines=bent(1.6, 8, converged=False, stable=None, residual=1e-3)),
-        "loaded": of(chain=loads),
-        "two": of(
+        "stated": make_run(DesignResult("stated", None, kit.PlainLaw(domain=free), None)),
+        "table": replace(make_run(table, engines=()), study={"pliant": 1, "name": "table"}),
+        "unsettled": make_run(engines=bent(1.6, 8, converged=False, stable=None, residual=1e-3)),
+        "loaded": make_run(chain=loads),
+        "two": make_run(
             design(kit, "design 1"),
             design(kit, "design 2"),
             engines=bent(0.7, 2),
             chain={"segments": segments},
         ),
-        "helix": of(
+        "helix": make_run(
             design(kit, "helix", spherical, shapes=False),
             engines=(kit.engine("quasistatic", angles, axes), kit.engine("mujoco", 1.0001 * angles, axes)),
             modules=10,
         ),
-        "dense": of(design(kit, "dense", n_p=60, n_u=60, shapes=False), engines=()),
-        "one": of(engines=bent(0.3, 1), modules=1),
-        "forty": of(engines=bent(1.5, 40), modules=40),
+        "dense": make_run(design(kit, "dense", n_p=60, n_u=60, shapes=False), engines=()),
+        "one": make_run(engines=bent(0.3, 1), modules=1),
+        "forty": make_run(engines=bent(1.5, 40), modules=40),
     }
 
 

@@ -1,4 +1,4 @@
-"""The 3D view: what the page places is what the still pictures draw; it is turned, played and read aloud."""
+"""The 3D view: the page positions objects as the still pictures do; it can be turned, played and read aloud."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import pytest
 from tests.app.test_in_the_browser import CHROMIUM, QUIET, playwright
 from tests.report.pages import check_sound
 
+from pliant.pipeline.run_folder import FinishedRun
 from pliant.records.load_frames import LoadFrames
 from pliant.records.rollout import Rollout
 from pliant.report.figures.finger import finger_bodies
-from pliant.report.folder import FinishedRun
 from pliant.report.render import page as page_of
 from pliant.report.run import run_document
 from pliant.report.scenes.module import module_scene
@@ -26,8 +26,8 @@ HOSTILE = "</script><script>hit=1</script>"
 SCENE = "figure[data-scene]"
 
 
-def of_history(run: FinishedRun, markers: Any, angles: Any) -> FinishedRun:
-    """The run with another history of its first engine."""
+def with_history(run: FinishedRun, markers: Any, angles: Any) -> FinishedRun:
+    """Return the run with another history of its first engine."""
     steps = np.linspace(0, 1, len(markers))
     history = Rollout(steps, 15e3 * steps[:, None], angles, markers)
     first = run.engines[0]
@@ -55,14 +55,14 @@ def test_a_long_history_is_thinned_and_keeps_its_ends(kit: Any) -> None:
     run, count = kit.full_run(2), 500
     angles = np.linspace(0, 0.3, count)[:, None, None] * np.ones((1, 2, 1))
     markers = np.stack([kit.markers(q) for q in angles])
-    scene = robot_scene(of_history(run, markers, angles))
+    scene = robot_scene(with_history(run, markers, angles))
     assert scene is not None and len(scene.states) == MOST_STATES
     assert (scene.states[0], scene.states[-1]) == ("0 kPa", "15 kPa")
     assert len(scene.script_data) < 200_000
 
 
 def loaded(run: FinishedRun) -> FinishedRun:
-    """With frames under half of 13 g, where it bends half as much."""
+    """Return the run with frames under half of 13 g, where it bends half as much."""
     own = run.engines[0].result.rollout
     assert own is not None
     turns, markers = ([0.5 * values, values] for values in (own.joint_angles, own.markers_m))
@@ -80,11 +80,11 @@ def test_a_load_slider_has_every_state_under_every_load(kit: Any) -> None:
     for one, other in zip(plain.bodies, scene.bodies, strict=True):
         assert other.angle_rad[n:] == pytest.approx(one.angle_rad)
         assert other.angle_rad[:n] == pytest.approx(0.5 * one.angle_rad)
-        assert np.isnan(other.values["apart"][:n]).all()  # other engines were not asked there
+        assert np.isnan(other.values["apart"][:n]).all()  # other engines were not evaluated there
         assert other.values["apart"][n:] == pytest.approx(one.values["apart"])
 
 
-def test_a_module_shows_its_free_states_and_the_error_of_its_law(kit: Any) -> None:
+def test_a_module_shows_its_free_states_and_its_law_error(kit: Any) -> None:
     scene = module_scene(kit.dataset(), kit.PlainLaw())
     assert scene is not None and len(scene.states) == 3 and scene.views == ("whole", "cut open")
     p, u = np.array([0.0, 7.5e3, 15e3]), np.array([0.0, 0.18, 0.36])[:, None]
@@ -102,7 +102,7 @@ def test_names_cannot_leave_their_element(kit: Any) -> None:
 
 @pytest.fixture(scope="module")
 def opened(kit: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """A run's page in headless Chromium; what a script throws fails the test at the end."""
+    """Return a run's page in headless Chromium; script errors fail the test at the end."""
     if CHROMIUM is None:
         pytest.skip("chromium is not installed: apt-get install chromium")
     made = page_of(run_document(loaded(kit.full_run(3))))

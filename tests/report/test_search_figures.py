@@ -1,4 +1,4 @@
-"""Figures of a search: what they leave out and keep, and that what they show changes with the record."""
+"""Figures of a search: omitted and kept parts, and that they change with the record."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ import numpy as np
 import pytest
 from tests.report import search_samples as samples
 
-from pliant.records.search import SearchResult
-from pliant.report.figures.search_axes import (
+from pliant.report.chart_json import as_script_data
+from pliant.report.still import still
+from pliant_search.records import SearchResult
+from pliant_search.report.axes import (
     MOST_LINES,
+    answer_chart,
     last_rows,
-    search_answer,
-    search_parallel,
-    search_policy,
+    parallel_chart,
+    policy_chart,
     thinned,
 )
-from pliant.report.figures.search_best import (
-    search_designs,
-    search_robust,
-    search_slopes,
-    search_successes,
-    search_verified,
+from pliant_search.report.best import (
+    designs_chart,
+    robust_chart,
+    slopes_chart,
+    successes_chart,
+    verified_chart,
 )
-from pliant.report.figures.search_course import (
-    branch_strip,
+from pliant_search.report.course import (
+    branches_chart,
+    front_chart,
+    history_chart,
     moving_median,
-    search_front,
-    search_history,
     shown_range,
 )
-from pliant.report.search_view import SearchView, log_suits, short_labels
+from pliant_search.report.view import SearchView, log_suits, short_labels
 
 
 def read(result: SearchResult) -> SearchView:
@@ -56,7 +58,7 @@ def test_labels_are_as_short_as_tells_them_apart() -> None:
     assert short_labels(names) == ["average radius", "0 modules", "1 modules", "n1"]
 
 
-def test_axes_are_in_human_units_and_hold_every_kind_of_value() -> None:
+def test_axes_are_in_human_units_and_contain_every_value_kind() -> None:
     one = read(samples.one_branch())
     axes = {axis.unit.label: axis for axis in one.axes}
     assert (axes["average radius"].low, axes["average radius"].high) == pytest.approx((6.0, 8.0))
@@ -79,7 +81,7 @@ def test_branches_are_read_from_the_history_or_from_the_branches() -> None:
     bare = replace(result, history=replace(result.history, values=values))
     for whole, fewer in zip(read(result).axes, read(bare).axes, strict=True):
         assert whole.values == pytest.approx(fewer.values)
-    found = read(result).best_of_branches()
+    found = read(result).branch_winners()
     assert len(found) == 81 and found[0][1] == read(result).order()[0]
 
 
@@ -93,7 +95,7 @@ def test_ranges_leave_out_what_would_flatten_the_rest() -> None:
     assert log_suits(np.geomspace(1, 100, 20)) and not log_suits(np.linspace(-1, 100, 20))
 
 
-def test_the_last_quarter_is_that_of_the_condition() -> None:
+def test_the_last_quarter_equals_the_condition() -> None:
     one = read(samples.contextual(240))
     rows = last_rows(one, 2)
     assert len(rows) and rows.min() >= 180
@@ -114,16 +116,16 @@ def test_successes_are_counted_by_the_checks_own_trials() -> None:
 @pytest.mark.slow
 def test_figures_exist_for_what_the_record_has() -> None:
     plain, nothing = read(samples.one_branch(40)), read(samples.everything_failed())
-    for make in (branch_strip, search_front, search_policy, search_robust, search_verified, search_successes):
+    for make in (branches_chart, front_chart, policy_chart, robust_chart, verified_chart, successes_chart):
         assert make(plain) is None
-    for made in (search_answer, search_parallel, search_slopes):
+    for made in (answer_chart, parallel_chart, slopes_chart):
         assert made(nothing) is None
-    assert bytes(search_history(nothing)[:4]) == b"\x89PNG"
-    assert search_designs(()) is None
+    assert bytes(still(history_chart(nothing))[:4]) == b"\x89PNG"
+    assert designs_chart(()) is None
     for make in (samples.curved, samples.grasped):
         shown = [make(f"design {k}") for k in (1, 2)]
-        alone, both = search_designs(shown[:1]), search_designs(shown)
-        assert alone is not None and both is not None and len(both) > len(alone)
+        alone, both = designs_chart(shown[:1]), designs_chart(shown)
+        assert alone is not None and both is not None and len(both.panels) == 2 * len(alone.panels)
         assert (shown[0].rest_m is None) == (make is samples.grasped)
 
 
@@ -140,15 +142,15 @@ CHECK = samples.verification()
     ("draw", "one", "other"),
     [
         (
-            search_answer,
+            answer_chart,
             SMALL,
             with_best(SMALL, values={**SMALL.best[0].values, samples.RADIUS.name: 7.9e-3}),
         ),
         # no star where another variable sets the key in that condition
-        (search_policy, CONDITIONS, with_best(CONDITIONS, settings=ELSEWHERE)),
+        (policy_chart, CONDITIONS, with_best(CONDITIONS, settings=ELSEWHERE)),
         # only a check by FEM is called one
         (
-            search_verified,
+            verified_chart,
             replace(SMALL, verification=CHECK),
             replace(SMALL, verification=replace(CHECK, laws=())),
         ),
@@ -157,4 +159,4 @@ CHECK = samples.verification()
 def test_a_picture_changes_with_what_it_shows(draw: Any, one: SearchResult, other: SearchResult) -> None:
     first, second = draw(read(one)), draw(read(other))
     assert first is not None and second is not None
-    assert first.tobytes() != second.tobytes()
+    assert as_script_data(first) != as_script_data(second)

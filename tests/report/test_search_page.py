@@ -1,4 +1,4 @@
-"""The page of a search: every kind of result in human units, with pictures that say what they are, in few bytes."""
+"""The page of a search: every kind of result in human units, with pictures and alternative texts, in few bytes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,21 @@ from tests.slow import slow_among
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
-from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
+from pliant.registry.result_folder import result_folder
 from pliant.report import render
 from pliant.report.document import Page
-from pliant.report.search import answer, late, rebuild_search_page, search_document, warned, write_search_page
-from pliant.report.search_files import is_search
-from pliant.report.search_page import design_table, robust_table
-from pliant.report.search_view import SearchView, price
+from pliant_search.records import SearchResult
+from pliant_search.report.document import (
+    answer,
+    late,
+    rebuild_search_page,
+    search_document,
+    warned,
+    write_search_page,
+)
+from pliant_search.report.page import design_table, robust_table
+from pliant_search.report.view import SearchView, price
 
 LARGEST = 1_500_000
 
@@ -105,7 +112,7 @@ def test_an_objective_stands_once_among_the_designs() -> None:
     assert len(rows) == len(set(rows)) and {"rmse", "work", "e max"} <= set(rows)
 
 
-def test_a_best_design_at_the_end_of_the_budget_is_warned_of() -> None:
+def test_a_best_design_at_the_budget_limit_is_warned_about() -> None:
     one = samples.one_branch()
     assert late(SearchView(one, {}))
     assert not late(SearchView(replace(one, stopped="until"), {}))
@@ -115,7 +122,7 @@ def test_a_best_design_at_the_end_of_the_budget_is_warned_of() -> None:
     assert not late(SearchView(early, {}))
 
 
-def test_the_price_of_robustness_has_the_right_sign() -> None:
+def test_the_robustness_price_has_the_right_sign() -> None:
     one = checked()
     text = price(SearchView(one, {}))
     assert "costs 0.5\u00a0mm" in text and "improves the mean of the worst 20\u00a0%" in text
@@ -135,7 +142,7 @@ def test_the_price_of_robustness_has_the_right_sign() -> None:
     assert [list(row[1:]) for row in table.rows[:2]] == [["0.9", "0.8"], ["0.2", "0.7"]]
 
 
-def test_a_design_of_one_condition_shows_what_acts_in_it() -> None:
+def test_a_design_with_one_condition_shows_what_acts_in_it() -> None:
     one = samples.contextual(60)
     design, variable = one.best[0], one.variables[0]
     read = SearchView(one, {})
@@ -167,7 +174,9 @@ def test_a_written_folder_gives_the_same_page_again(tmp_path: Path) -> None:
     drawn = [samples.curved("the best"), samples.grasped("in a scene")]
     written = write_search_page(out, study, checked(), drawn)
     first = written.read_text()
-    assert written == out / "search.html" and is_search(out) and not is_search(tmp_path)
+    assert (
+        written == out / "search.html" and result_folder(out) is not None and result_folder(tmp_path) is None
+    )
     written.unlink()
     assert rebuild_search_page(out).read_text() == first
     again = write_search_page(out, study, samples.everything_failed())

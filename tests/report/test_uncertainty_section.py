@@ -1,4 +1,4 @@
-"""Drawn laws on the page of a run: the cloud, its intervals, runs that failed; kept in the run's folder."""
+"""Drawn laws on the page of a run: the cloud, its intervals, failed runs; stored in the run's folder."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from tests.report.pages import words
 
-from pliant.report.figures.error_bars import tip_cloud
 from pliant.report.render import page
 from pliant.report.run import run_document, warnings
-from pliant.report.run_page import uncertainty_section
+from pliant.report.tip_spread import tip_chart, uncertainty_section
 
 
 def told(tip: np.ndarray, failed: int = 0) -> dict[str, Any]:
-    """Tips in a line along x, a tenth of that along z, as `spread` tells them."""
+    """Return tips in a line along x, a tenth of that along z, in the record that `spread` writes."""
     along = np.linspace(-1e-3, 1e-3, 21)
     tips = tip + np.stack([along, 0 * along, 0.1 * along], axis=1)
     half = np.array([9e-4, 0, 9e-5])
@@ -40,7 +39,7 @@ def run(kit: SimpleNamespace) -> Any:
     return replace(whole, designs=(bodiless,), uncertainty=told(whole.engines[0].result.final.tip_m))
 
 
-def test_intervals_are_those_of_the_record(run: Any) -> None:
+def test_intervals_equal_the_record(run: Any) -> None:
     section = uncertainty_section(run)
     assert section is not None and len(section.pictures) == 1
     assert "90 % of 21 runs in quasistatic" in section.text[0] and "910 µm" in section.text[0]
@@ -51,7 +50,7 @@ def test_intervals_are_those_of_the_record(run: Any) -> None:
     )
     assert rows["tip x (mm)"][3] == "900 µm"
     assert rows["bend angle (°)"][0] == "57.296" and rows["bend angle (°)"][2] == "63.025"
-    assert len(rows) == 4  # the tip stands once, what never varies not at all
+    assert len(rows) == 4  # the tip is listed once, constant metrics are not listed
 
 
 def test_the_page_holds_the_cloud_and_says_what_did_not_settle(run: Any) -> None:
@@ -67,7 +66,7 @@ def test_without_a_settled_run_there_is_a_sentence_and_no_picture(run: Any) -> N
     nothing = replace(run, uncertainty={"level": 0.9, "samples": 8, "failed": 8, "tips_m": np.zeros((0, 3))})
     section = uncertainty_section(nothing)
     assert section is not None and not section.pictures and "None of 8 runs" in section.text[0]
-    assert tip_cloud(nothing.uncertainty, np.zeros(3)) is None
+    assert tip_chart(nothing.uncertainty, np.zeros(3)) is None
     unasked = replace(run, uncertainty=None)
     assert len(warnings(nothing)) == len(warnings(unasked)) + 1
     assert uncertainty_section(unasked) is None

@@ -1,4 +1,4 @@
-"""Documents show the units of the file that was read, on terminal and page alike; JSON keeps SI."""
+"""Documents show the units of the input file, on terminal and page alike; JSON keeps SI."""
 
 import json
 import re
@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.diagnosis.quick import REGISTRY, effect, joint, measured, poor, predictor_of
+from tests.diagnosis.quick import REGISTRY, effect, joint, make_predictor, measured, poor
 from tests.report.pages import words
 
 from pliant.cli.session import plain
 from pliant.diagnosis.diagnosis import diagnose
 from pliant.evidence.comparison import compare
-from pliant.formatting import Unit, display_unit, displayed_in, unit_of
+from pliant.formatting import Unit, display_unit, displayed_in, output_unit
 from pliant.measurements.written_units import units_as_written
 from pliant.report.comparison import comparison_document
 from pliant.report.diagnosis import diagnosis_document
@@ -26,7 +26,7 @@ PLAIN = ("time_s", "pressure_pa", "angle_rad")
 
 
 def headed(*headings):
-    """The measurement as if its file had these headings, each with its unit."""
+    """Return the measurement as if its file had these headings, each with its unit."""
     units = [re.search(r"[\[(](.*)[\])]", heading) for heading in headings]
     written = [found[1] if found else si for found, si in zip(units, ("s", "Pa", "rad"), strict=True)]
     return replace(
@@ -38,7 +38,7 @@ def headed(*headings):
 
 def documents(measurement):
     with displayed_in(units_as_written(measurement)):
-        predictor = predictor_of(CHAIN, measurement)
+        predictor = make_predictor(CHAIN, measurement)
         predicted = predictor.predict()
         found = diagnose(predictor, kinds=("stiffness", "backlash", "sensor_lag"))
         yield comparison_document("f", measurement, predicted, compare(measurement, predicted))
@@ -46,7 +46,7 @@ def documents(measurement):
 
 
 def said(document):
-    """Everything that people read: the terminal's lines and tables, and the page's words."""
+    """Return all text for people: the terminal's lines and tables, and the page's words."""
     blocks = [block if isinstance(block, str) else [*block.columns] for block in terminal(document)]
     cells = [
         text
@@ -58,7 +58,7 @@ def said(document):
 
 
 def numbers(value):
-    """The numbers of a JSON value, in order."""
+    """Return the numbers of a JSON value, in order."""
     if isinstance(value, dict):
         return [n for key in value if key != "wall_s" for n in numbers(value[key])]
     if isinstance(value, list):
@@ -85,7 +85,7 @@ def test_a_file_in_mbar_ms_and_radians_is_shown_in_them(usual):
 
 
 @pytest.mark.slow
-def test_a_file_with_the_names_of_pliant_is_shown_as_ever(usual):
+def test_a_file_with_pliant_names_is_shown_unchanged(usual):
     assert units_as_written(headed("time_s", "pressure_pa", "angle_rad")) == {}
     for document in usual:
         text = said(document)
@@ -94,18 +94,18 @@ def test_a_file_with_the_names_of_pliant_is_shown_as_ever(usual):
         assert document.units == {}
 
 
-def test_what_is_drawn_later_has_the_units_of_its_document():
+def test_what_is_drawn_later_has_its_document_units():
     with displayed_in({"Pa": Unit("bar", 1e-5)}):
         document = Document("k", "t", "s.")
     assert "pressures in bar" in page(document).html
-    assert display_unit("Pa").symbol == "kPa"  # nothing is left behind
+    assert display_unit("Pa").symbol == "kPa"  # no state remains
 
 
 def test_a_name_goes_before_its_unit_and_rates_follow():
     with displayed_in({"angle_rad": Unit("rad"), "rad": Unit("mrad", 1e3), "Pa": Unit("mbar", 1e-2)}):
-        assert unit_of("angle_rad").text(0.5) == "0.5 rad"
-        assert unit_of("base_roll_rad").text(0.5) == "500 mrad"
-        assert unit_of("pressure_pa_s").text(600.0) == "6 mbar/s"
+        assert output_unit("angle_rad").text(0.5) == "0.5 rad"
+        assert output_unit("base_roll_rad").text(0.5) == "500 mrad"
+        assert output_unit("pressure_pa_s").text(600.0) == "6 mbar/s"
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_a_name_goes_before_its_unit_and_rates_follow():
 def test_units_with_another_zero_stay_in_the_usual_one(heading, unit, shown):
     measurement = replace(SI, written={"temperature_c": unit}, headed={"temperature_c": heading})
     with displayed_in(units_as_written(measurement)):
-        assert unit_of("temperature_c").symbol == shown
+        assert output_unit("temperature_c").symbol == shown
 
 
 def test_metrics_on_the_terminal_are_in_display_units():

@@ -13,7 +13,7 @@ PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 
 @pytest.fixture
 def opened(tmp_path):
-    """Opens the study with overrides; `change` replaces a text of its file, `progress` watches."""
+    """Return a function that opens the study; `change` replaces a text of its file, `progress` receives reports."""
     path = tmp_path / "study.yaml"
     text = STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n"
 
@@ -27,5 +27,5 @@ def opened(tmp_path):
 
 @pytest.fixture
 def optimized(opened):
-    """The result of the study's search, in this process."""
+    """Return a function that gives the result of the study's search, in this process."""
     return lambda *overrides, workers=1, **how: api.optimize(opened(*overrides, **how), workers=workers)

@@ -1,10 +1,10 @@
-"""Studies whose searches cost milliseconds, for tests of the evaluator and of scenarios."""
+"""Studies whose searches take milliseconds, for tests of the evaluator and of scenarios."""
 
 import numpy as np
 from tests.pipeline import meta_bench
 
 from pliant import api
-from pliant.search.problem.search_problem import SearchProblem
+from pliant_search.problem.search_problem import SearchProblem
 
 # One hinge without weight: it turns by k_n p / b_e, 0.05 rad per kPa.
 GAIN, STIFFNESS = 2e-6, 0.04
@@ -40,20 +40,20 @@ task: {kind: follow_shape, pressure: 12 kPa, steps: 3, target: {radius: 18 mm, h
 
 
 def opened(folder, study, search):
-    """A study with a `search` block, its store in the folder, and its problem."""
+    """Return a study with a `search` block, its store in the folder, and its problem."""
     path = folder / "study.yaml"
     path.write_text(f"{study}search:\n{_indented(search)}")
     one = api.open_study(path, store=folder / "store")
-    return one, SearchProblem.of(one.study, one.bench.registry)
+    return one, SearchProblem.from_study(one.study, one.bench.registry)
 
 
 def hinge(folder, search, change=("", "")):
-    """The hinge with a `search` block."""
+    """Return the hinge with a `search` block."""
     return opened(folder, HINGE.replace(*change), search)
 
 
 def springs(folder, search, task="{kind: free_bending, pressure: 10 kPa}", change=("", "")):
-    """Two springs whose law is the stand-in meta-model's; its table is written once."""
+    """Return two springs whose law is the stand-in meta-model's; its table is written once."""
     if not (folder / "fem.csv").exists():
         meta_bench.table(folder)
     text = BENDING.replace("TABLE", str(folder / "fem.csv")).replace("TASK", f"task: {task}").replace(*change)
@@ -61,7 +61,7 @@ def springs(folder, search, task="{kind: free_bending, pressure: 10 kPa}", chang
 
 
 def drawn(problem, seed):
-    """Random values of all variables."""
+    """Return random values of all variables."""
     random = np.random.default_rng(seed)
     found = {}
     for one in problem.variables:

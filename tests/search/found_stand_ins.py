@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Space, Variable
-from pliant.records.search import FoundDesign, SearchHistory, VariableRecord
+from pliant_search.optimizer import Space, Variable
+from pliant_search.records import FoundDesign, SearchHistory, VariableRecord
 
 WIDTH = VariableRecord("width", ("family.width",), "real", 2e-3, 4e-3, unit="m")
 COUNT = VariableRecord("count", ("chain.modules",), "integer", 2, 8)
@@ -63,7 +63,7 @@ class Problem:
 
 @dataclass
 class Evaluator:
-    """Evaluates a formula, refusing what breaks the problem's constraints; remembers what it was asked."""
+    """An evaluator of a formula that refuses violations of the problem's constraints and records its calls."""
 
     problem: Problem
     formula: object
@@ -80,18 +80,18 @@ class Evaluator:
 
 
 def many(evaluator):
-    """Evaluates trials one after another."""
+    """Evaluate trials one after another."""
     return lambda trials: [evaluator.evaluate(trial.values, trial.context) for trial in trials]
 
 
 def found(values, rmse_m=1e-3, conditions=None, **others):
-    """A design with one metric."""
+    """Return a design with one metric."""
     metrics = {"rmse_m": rmse_m, "outside_domain": 0.0}
     return FoundDesign(values, {}, {"rmse": rmse_m}, metrics, conditions or {"all": metrics}, **others)
 
 
 def history(objective, branch=None, status=None, context=-1):
-    """One row for each objective."""
+    """Return one row for each objective."""
     objective = np.asarray(objective, float)
     n = len(objective)
     return SearchHistory(

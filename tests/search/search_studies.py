@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
-from pliant.search.problem.search_problem import SearchProblem
+from pliant_search.problem.search_problem import SearchProblem
 
 REGISTRY = discover()
 BASE = """\
@@ -27,7 +27,7 @@ task: {kind: grasp, object: egg, extra_weights: 5, pressure: 15 kPa}
 
 
 def search_study(path: Path, search: str, base: str = BASE):
-    """The study with a `search` block, written to a file and read."""
+    """Return the study with a `search` block, written to a file and read."""
     file = path / "searched.yaml"
     file.write_text(
         base + "search:\n" + "\n".join("  " + line for line in search.strip().splitlines()) + "\n"
@@ -36,5 +36,5 @@ def search_study(path: Path, search: str, base: str = BASE):
 
 
 def search_problem(path: Path, search: str, base: str = BASE) -> SearchProblem:
-    """Its problem."""
-    return SearchProblem.of(search_study(path, search, base), REGISTRY)
+    """Return its problem."""
+    return SearchProblem.from_study(search_study(path, search, base), REGISTRY)

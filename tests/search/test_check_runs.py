@@ -1,4 +1,4 @@
-"""The runs of a check side by side: the check finds them, and still tells what failed."""
+"""The runs of a check in parallel: the check finds them, and still reports failures."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,9 +8,9 @@ from tests.search.test_verification import RADIUS, Problem, springs
 
 from pliant.execution.executors import FuturesExecutor, InlineExecutor
 from pliant.pipeline import simulate
-from pliant.search.verify import check as check_runs
-from pliant.search.verify.check import run_ahead
-from pliant.search.verify.verification import verify
+from pliant_search.verify import check as check_runs
+from pliant_search.verify.check import run_ahead
+from pliant_search.verify.verification import verify
 
 CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
 BOTH = ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]")
@@ -44,7 +44,7 @@ def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threa
 
 
 @pytest.mark.slow
-def test_the_designs_of_several_conditions_are_run_ahead(tmp_path, monkeypatch, threads):
+def test_designs_in_several_conditions_are_run_ahead(tmp_path, monkeypatch, threads):
     opened = springs(tmp_path)
     problem = Problem(opened, CONDITIONS)
     designs = [found({"family.radius": radius}, context=k) for k, radius in enumerate((4.7e-3, 5.1e-3))]

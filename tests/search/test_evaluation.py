@@ -1,4 +1,4 @@
-"""What a candidate comes to: the same as `pliant simulate` says, every way to fail, conditions, reproducibility."""
+"""Evaluation of a candidate: the results of `pliant simulate`, every failure, conditions, reproducibility."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from tests.search.toy_search import Watched
 
 from pliant.errors import UserError
 from pliant.pipeline.study import simulate_study
-from pliant.search.evaluate.evaluator import Evaluator
+from pliant_search.evaluate.evaluator import Evaluator
 
 ANGLE = """\
 variables:
@@ -33,7 +33,7 @@ objective: {maximize: bend_angle}
 
 
 def same_as_simulated(one, problem, seeds):
-    """Evaluations of random candidates, each held against the stages of `pliant simulate`."""
+    """Compare evaluations of random candidates with the stages of `pliant simulate`."""
     evaluator = Evaluator(one.bench, problem)
     for seed in seeds:
         values = bench.drawn(problem, seed)
@@ -46,7 +46,7 @@ def same_as_simulated(one, problem, seeds):
         for name, value in told.items():
             assert found.metrics[name] == pytest.approx(value, rel=1e-12, abs=1e-14), name
         assert found.metrics["outside_domain"] == len(stages.final.outside_domain)
-    assert evaluator.evaluate(values).metrics == found.metrics  # what is kept changes nothing
+    assert evaluator.evaluate(values).metrics == found.metrics  # cached values change nothing
 
 
 SEGMENTS = ("chain: {modules: 2,", "chain: {segments: [{modules: 1}, {modules: 1, family: {radius: 5 mm}}],")
@@ -65,7 +65,7 @@ def test_stated_laws_and_a_meta_models_give_what_the_stages_give(tmp_path):
     same_as_simulated(*bench.springs(tmp_path, OF_SEGMENTS, change=SEGMENTS), range(2))
 
 
-def test_the_closed_form_of_a_hinge_and_the_sign_of_a_maximised_objective(tmp_path):
+def test_the_closed_form_for_a_hinge_and_the_sign_in_a_maximised_objective(tmp_path):
     one, problem = bench.hinge(tmp_path, ANGLE)
     found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
     assert found.objectives == (pytest.approx(-bench.GAIN * 8e3 / bench.STIFFNESS, rel=1e-9),)
@@ -160,7 +160,7 @@ def test_an_engine_that_raises_is_survived_and_ctrl_c_inside_compiled_code_is_no
         f"{ANGLE}until: reward >= 1\n",
     ],
 )
-def test_a_metric_that_the_task_does_not_have_is_an_error_of_the_study(tmp_path, search):
+def test_a_metric_that_the_task_lacks_is_a_study_error(tmp_path, search):
     one, problem = bench.hinge(tmp_path, search)
     with pytest.raises(UserError, match="'reward'"):
         Evaluator(one.bench, problem).evaluate({"pressure": 8e3})

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pliant.errors import UserError
-from pliant.search.expressions import Symbol, parse
+from pliant_search.expressions import Symbol, parse
 
 SYMBOLS = {
     "x": Symbol("x", "variable", exact=False),
@@ -58,12 +58,12 @@ def pythons(text, values):
 
 @settings(max_examples=150, deadline=None)
 @given(TREES, st.floats(-3, 3), st.floats(0.1, 3), st.integers(1, 5))
-def test_values_are_those_of_python(text, x, y, n1):
+def test_values_equal_python(text, x, y, n1):
     values = {"x": x, "y": y, "n1": float(n1)}
     expected = pythons(text, values)
     expression = read(text)
     found = float(expression.value(values))
-    if math.isnan(expected):  # Python may stop at a part that min or a power swallows
+    if math.isnan(expected):  # Python may stop at a part whose error min or a power ignores
         return
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9) or abs(expected) > 1e12
     rows = expression.value({name: np.array([value, 2.0]) for name, value in values.items()})
@@ -117,7 +117,7 @@ def test_what_has_no_finite_value_is_nan(text):
     assert float(read(f"{text} <= 1").amount({"x": 2.0})) == 1.0
 
 
-def test_amounts_are_shares_of_the_terms():
+def test_amounts_are_term_shares():
     assert float(read("n1 + x <= 12").amount({"n1": 10, "x": 5.0})) == pytest.approx(3 / 27)
     assert float(read("x - y >= 0").amount({"x": 1.0, "y": 1.5})) == pytest.approx(0.5 / 2.5)
     both = read("x <= 1 and y <= 1")

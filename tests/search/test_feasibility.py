@@ -1,10 +1,10 @@
-"""A space that holds no candidate is refused before the search begins, with the reason."""
+"""A space without a feasible candidate is refused before the search begins, with the reason."""
 
 import pytest
 from tests.search.search_studies import search_problem
 
 from pliant.errors import UserError
-from pliant.search.problem.feasibility import require_feasible
+from pliant_search.problem.feasibility import require_feasible
 
 SEARCH = """
 variables:
@@ -50,7 +50,7 @@ def test_a_small_share_is_said(tmp_path):
     assert "'radius <= 6.01 mm' turns 99" in found.note()
 
 
-def test_designs_that_the_family_refuses_are_a_cause_of_their_own(tmp_path):
+def test_designs_that_the_family_refuses_are_a_separate_cause(tmp_path):
     with pytest.raises(UserError, match="no candidate of the search is a possible design: all of 64 samples"):
         require_feasible(problem(tmp_path, low="2.1 mm", high="3 mm"), seed=0)
     some = require_feasible(problem(tmp_path, low="2.1 mm", high="8 mm"), seed=0)

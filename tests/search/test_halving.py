@@ -1,4 +1,4 @@
-"""Successive halving: the best searches go on, an interruption changes nothing, what cannot be halved is refused."""
+"""Successive halving: the best searches continue, an interruption changes nothing, unsuitable searches are refused."""
 
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -8,8 +8,8 @@ import pytest
 from tests.search.toy_search import StopError, Watched
 
 from pliant.errors import UserError
-from pliant.search.run.search import Halving
-from pliant.search.stage import search_study
+from pliant_search.run.search import Halving
+from pliant_search.stage import search_study
 
 SEARCHES, BUDGET = 9, 6
 HALVED = (
@@ -54,7 +54,7 @@ def test_interrupted_anywhere_it_ends_the_same(optimized):
 
 
 def test_workers_change_nothing(opened, optimized):
-    """Of a search that is halved, and whose best are tried once more."""
+    """The search is halved, and its best candidates are evaluated once more."""
     again = "search.confirm={best: 2, change: {chain.payload: 2 g}}"
     study, alone = opened(*HALVED, again), optimized(*HALVED, again, store="alone")
     with ThreadPoolExecutor(2) as pool:
@@ -87,7 +87,7 @@ def test_what_cannot_be_halved_is_refused(optimized, overrides, said):
 @pytest.mark.parametrize(
     "text", ["", "{", '{"of": [9, 3, 6, null]}', '{"of": [9, 2, 6, null], "chosen": [[1]]}']
 )
-def test_choices_that_cannot_be_read_or_are_of_another_search_are_made_again(tmp_path, text):
+def test_choices_that_are_unreadable_or_from_another_search_are_made_again(tmp_path, text):
     (tmp_path / "halving.json").write_text(text)
     halving = Halving(tmp_path, 9, 3, (6, None))
     assert halving.left == list(range(9))

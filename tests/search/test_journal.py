@@ -1,4 +1,4 @@
-"""The journal: interrupted anywhere, a search ends as if nothing had happened."""
+"""The journal: a search interrupted anywhere has the result of an uninterrupted one."""
 
 import json
 import os
@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from tests.search.toy_search import Narrowing, StopError, ToyProblem, Watched, searched, told
 
-from pliant.search.run import loop
-from pliant.search.run.journal import Journal, keep_journals, take_journals
+from pliant_search.run import loop
+from pliant_search.run.journal import Journal, keep_journals, take_journals
 
 EACH = ({"s": 0}, {"s": 1}, {"s": 2})
 
@@ -71,7 +71,7 @@ def test_rubbish_within_the_journal_costs_what_follows_it_only(tmp_path, whole):
     assert len(log.read_text().splitlines()) == 40 - 18
 
 
-def test_a_state_that_is_rubbish_or_ahead_of_the_journal_is_passed_over(tmp_path, whole):
+def test_a_state_that_is_rubbish_or_ahead_in_the_journal_is_passed_over(tmp_path, whole):
     searched(tmp_path / "a", branches=EACH, budget=24)
     assert json.loads((tmp_path / "a/branch-0.state.json").read_text())["batches"] == 4
     (tmp_path / "a/branch-2.state.json").write_text('{"batches": 2')
@@ -79,7 +79,7 @@ def test_a_state_that_is_rubbish_or_ahead_of_the_journal_is_passed_over(tmp_path
     assert told(searched(tmp_path / "a", branches=EACH)) == whole
 
 
-def test_a_state_of_batches_that_were_dropped_does_not_come_back(tmp_path):
+def test_a_state_from_dropped_batches_does_not_come_back(tmp_path):
     searched(tmp_path / "a", budget=30)  # leaves a state after five whole batches
     searched(tmp_path / "a", budget=25)  # the fifth is another one now, of one candidate
     (again,) = searched(tmp_path / "a", budget=25)
@@ -92,7 +92,7 @@ def shifted():
 
 
 class Fresh(Narrowing):
-    """Cannot read states of before."""
+    """An optimizer that cannot read earlier states."""
 
     def restore(self, state):
         raise KeyError("sigma")
@@ -122,7 +122,7 @@ def test_another_budget_goes_on_from_a_finished_search(tmp_path, first, then):
     assert told(more) == told(searched(tmp_path / "c", budget=then))
     again = len(log.read_text().splitlines()) if log.exists() else 0
     assert again == max(0, then - first // 6 * 6) if then > first else again <= then % 6
-    assert not take_journals(tmp_path / "kept/one", tmp_path / "b")  # it has its own now
+    assert not take_journals(tmp_path / "kept/one", tmp_path / "b")  # it has a separate journal now
 
 
 def test_until_is_seen_again_in_the_journal(tmp_path):
@@ -133,7 +133,7 @@ def test_until_is_seen_again_in_the_journal(tmp_path):
     assert told([again]) == told(searched(tmp_path / "b", budget=100, problem=problem))
 
 
-def test_the_time_of_all_sessions_adds_up(tmp_path):
+def test_the_time_over_all_sessions_adds_up(tmp_path):
     with pytest.raises(StopError):
         searched(tmp_path / "a", delay_s=0.004, progress=Watched(after=30))
     before = json.loads(lines(tmp_path / "a")[-1])["wall_s"]

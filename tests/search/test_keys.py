@@ -8,8 +8,8 @@ from tests.search.search_studies import BASE, REGISTRY, search_study
 from pliant.config.loading import load_study
 from pliant.config.study_keys import study_key
 from pliant.errors import InvalidDesignError, UserError
-from pliant.search.problem.study_setter import StudySetter
-from pliant.search.stage_keys import content_of
+from pliant_search.problem.study_setter import StudySetter
+from pliant_search.stage_keys import search_content
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/*.yaml"))
 
@@ -20,9 +20,9 @@ def study(tmp_path):
     return load_study(tmp_path / "a.yaml", REGISTRY)
 
 
-def test_who_works_is_in_no_key_of_a_search(tmp_path):
+def test_workers_are_in_no_search_key(tmp_path):
     asked = "variables: {family.wall: {low: 1 mm, high: 2 mm}}\nobjective: tip_x"
-    one, two = (content_of(search_study(tmp_path, asked, BASE + who), ()) for who in ("", "workers: 2\n"))
+    one, two = (search_content(search_study(tmp_path, asked, BASE + who), ()) for who in ("", "workers: 2\n"))
     assert one == two and "chain" in one
 
 
@@ -102,7 +102,7 @@ def test_a_value_is_judged_by_its_key(study, written, value, message):
 
 
 def test_setting_keys_to_what_they_are_changes_nothing():
-    """Of every example."""
+    """Tested for every example."""
     studies = 0
     for path in EXAMPLES:
         try:

@@ -1,12 +1,12 @@
-"""What is said of a best design: each rule where it applies, and silence where it does not."""
+"""Notes on a best design: each rule where it applies, and no note where it does not."""
 
 import numpy as np
 import pytest
 from tests.search.found_stand_ins import COUNT, WIDTH, Evaluator, Problem, found, history, many
 
 from pliant.execution.progress import Silent
-from pliant.search.analyse.limits import FREE, at_constraints, limits
-from pliant.search.analyse.sensitivity import slopes
+from pliant_search.analyse.limits import FREE, at_constraints, limits
+from pliant_search.analyse.sensitivity import slopes
 
 CONVERGED = 1e-3 + 1e-2 * np.exp(-np.arange(60))
 FALLING = np.concatenate([[2e-3, 1e-3], np.full(48, 1.5e-3), np.full(10, np.nan)])
@@ -17,7 +17,7 @@ def sloped(problem, formula, best):
 
 
 def said(problem=None, best=None, formula=None, told=None, causes=None):
-    """All that is said of a design; nothing of its slopes without a formula."""
+    """Return all notes on a design; none on its slopes without a formula."""
     problem, best = problem or Problem((WIDTH,)), best or found({"width": 3e-3})
     about = sloped(problem, formula, best) if formula else ()
     return limits(problem, best, about, history(CONVERGED) if told is None else told, causes)
@@ -35,7 +35,7 @@ WIDE, LOW = found({"width": 4e-3}), found({"count": 2})
             lambda v: 1e-2 - v["width"],
             ["width stands at its upper bound of 4 mm", "by 0.02 mm per 1 % of the range"],
         ),
-        (Problem((WIDTH,)), WIDE, lambda v: v["width"], [FREE]),  # on a bound by itself
+        (Problem((WIDTH,)), WIDE, lambda v: v["width"], [FREE]),  # on a bound alone
         (Problem((WIDTH,)), WIDE, lambda v: 1e-3, [FREE]),
         (
             Problem((WIDTH,), objective_names=("width",)),
@@ -72,15 +72,13 @@ def test_a_constraint_that_holds_it_is_told_with_its_price():
     assert "is touched" in said(problem, formula=lambda v: v["width"])[0]
 
 
-def test_a_constraint_of_integers_is_active_where_the_next_value_breaks_it():
+def test_an_integer_constraint_is_active_where_the_next_value_breaks_it():
     problem = Problem((COUNT,), {"count <= 5": lambda v: v["count"] - 5, "count == 6": lambda v: 0.0})
     for count, active in ((5, 1), (4, 0)):
         best = found({"count": count})
         about = sloped(problem, lambda v: -v["count"], best)
         assert len(at_constraints(problem, best, about)) == active
-        problem.structural = frozenset(
-            {"count <= 5"}
-        )  # it only chooses the structures: it holds nothing back
+        problem.structural = frozenset({"count <= 5"})  # it only chooses the structures: it restricts nothing
         assert at_constraints(problem, best, about) == []
         problem.structural = frozenset()
 
@@ -111,7 +109,7 @@ def test_a_search_that_still_falls_wants_more(objective, goal, parts):
     assert all(part in sentences[0] for part in parts or ())
 
 
-def test_the_lead_of_the_best_structure_counts_recommendations_and_its_own_condition():
+def test_the_lead_by_the_best_structure_counts_recommendations_and_its_own_condition():
     problem = Problem((WIDTH,), structures=({"n1": 4}, {"n1": 5}, {"n1": 6}))
     told = history([3e-3, 2e-3, 2.5e-3, 1e-3, np.nan, np.nan], branch=[0, 0, 1, 1, 2, 2])
     sentence = said(problem, found({"width": 3e-3, "n1": 5}, branch=1), told=told)[0]
@@ -123,7 +121,7 @@ def test_the_lead_of_the_best_structure_counts_recommendations_and_its_own_condi
     assert "(n1 4) leads the next one (n1 5) by 1 mm" in sentence
 
 
-def test_the_hardest_condition_is_the_lowest_of_what_is_maximised():
+def test_the_hardest_condition_is_the_lowest_where_it_is_maximised():
     best = found({"width": 3e-3}, conditions={"egg": {"rmse_m": 3e-3}, "tube": {"rmse_m": 1e-3}})
     assert "hardest condition is egg (rmse 3 mm), the easiest tube" in said(best=best)[0]
     upward = Problem((WIDTH,), maximised=(True,))

@@ -1,4 +1,4 @@
-"""The loop: what is found depends on the seed alone; constraints, `until`, budgets and failures are kept apart."""
+"""The loop: the result depends on the seed alone; constraints, `until`, budgets and failures are distinguished."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -9,8 +9,8 @@ from tests.search.toy_search import PLANE, Contextual, Narrowing, ToyProblem, Wa
 
 from pliant.errors import ContractError
 from pliant.execution.executors import InlineExecutor
-from pliant.interfaces.optimizer import Context, Space, Trial
-from pliant.search.run.results import best_of, counts_of, front_of, history_of
+from pliant_search.optimizer import Context, Space, Trial
+from pliant_search.run.results import best_row, build_history, pareto_front, refusal_counts
 
 EACH = tuple({"s": s} for s in range(5))
 
@@ -27,7 +27,7 @@ def test_a_search_spends_its_budget_in_batches(tmp_path, budget, generations, ev
     (branch,) = searched(tmp_path, budget=budget, generations=generations)
     assert (branch.budget, branch.evaluated, branch.batches) == (evaluated, evaluated, batches)
     assert (branch.stopped, len(branch.trials)) == ("budget", evaluated)
-    best = best_of(rows([branch]))[1]
+    best = best_row(rows([branch]))[1]
     assert budget < 300 or (best.objectives[0] < 2e-3 and best.values["n"] == 2)
 
 
@@ -57,7 +57,7 @@ def test_until_ends_its_own_branch_only(tmp_path):
     assert branches[0].evaluated < 200 == branches[1].evaluated
 
 
-def test_until_is_asked_of_every_condition_that_has_a_design_of_its_own(tmp_path):
+def test_until_is_asked_in_every_condition_that_has_a_separate_design(tmp_path):
     space = Space(PLANE, contexts=(Context("one"), Context("two")))
     problem = ToyProblem(good=0.05)
     (branch,) = searched(tmp_path, budget=400, problem=problem, space=space, make=Contextual)
@@ -79,10 +79,10 @@ def test_what_is_refused_is_told_but_neither_simulated_nor_counted(tmp_path):
         if over > 0:
             assert row.violation == pytest.approx(over)
             assert np.isnan(row.told(1).objective) and row.told(1).violation > 0
-    assert counts_of(rows([branch])) == ({"a + b <= -0.2": branch.refused}, {})
+    assert refusal_counts(rows([branch])) == ({"a + b <= -0.2": branch.refused}, {})
     (own,) = searched(tmp_path / "b", budget=30, refused_above=-0.5)
     assert own.evaluated == 30
-    assert counts_of(rows([own]))[0] == {"too high": own.refused} != {"too high": 0}
+    assert refusal_counts(rows([own]))[0] == {"too high": own.refused} != {"too high": 0}
     (none,) = searched(tmp_path / "c", budget=4, problem=ToyProblem(most=-9.0))
     assert (none.stopped, none.evaluated) == ("exhausted", 0)
     assert 200 <= none.refused <= 206
@@ -91,8 +91,8 @@ def test_what_is_refused_is_told_but_neither_simulated_nor_counted(tmp_path):
 def test_nan_and_errors_count_and_are_survived(tmp_path):
     (branch,) = searched(tmp_path, budget=80, nan_below=-0.2, raises_below=-0.8)
     assert branch.evaluated == 80
-    assert set(counts_of(rows([branch]))[1]) == {"rmse is not a number", "ZeroDivisionError: b"}
-    history = history_of(PLANE, rows([branch]), 1)
+    assert set(refusal_counts(rows([branch]))[1]) == {"rmse is not a number", "ZeroDivisionError: b"}
+    history = build_history(PLANE, rows([branch]), 1)
     assert np.isnan(history.objectives[history.status > 1]).all()
     assert np.isfinite(history.objectives[history.status == 0]).all()
     assert history.best_so_far()[-1] == np.nanmin(history.objectives)
@@ -102,26 +102,26 @@ def test_contexts_are_tried_in_their_one_condition(tmp_path):
     space = Space(PLANE, contexts=(Context("x"), Context("y")))
     (branch,) = searched(tmp_path, budget=60, space=space)
     assert [row.context for row in branch.trials[:4]] == [0, 1, 0, 1]
-    best = [best_of(r for r in rows([branch]) if r[1].context == c)[1] for c in (0, 1)]
+    best = [best_row(r for r in rows([branch]) if r[1].context == c)[1] for c in (0, 1)]
     assert [row.values["n"] for row in best] == [2, 3]
 
 
 class Unruly(Narrowing):
-    """Proposes a variable that nobody asked for."""
+    """An optimizer that proposes an unknown variable."""
 
     def ask(self, count):
         return [Trial(c.number, {**c.values, "x": 1.0}) for c in super().ask(count)]
 
 
 class Many(Narrowing):
-    """Proposes more than it is asked for."""
+    """An optimizer that proposes more than requested."""
 
     def ask(self, count):
         return super().ask(count + 1)
 
 
 class Mute(Narrowing):
-    """Has nothing to propose after the first batch."""
+    """An optimizer that proposes nothing after the first batch."""
 
     def ask(self, count):
         return super().ask(count) if self.asked < 6 else []
@@ -178,7 +178,7 @@ def test_the_front_holds_what_nothing_beats():
     scores = [(1.0, 5.0), (2.0, 3.0), (2.0, 4.0), (3.0, 3.0), (4.0, 1.0), (4.0, 1.0), (5.0, 0.5)]
     told_rows = [(0, Trial(k, {}, -1, "ok", one)) for k, one in enumerate(scores)]
     broken = (0, Trial(9, {}, -1, "ok", (0.0, 0.0), violation=1.0))
-    front = front_of([*reversed(told_rows), broken])
+    front = pareto_front([*reversed(told_rows), broken])
     assert [row.objectives for _, row in front] == [(1.0, 5.0), (2.0, 3.0), (4.0, 1.0), (5.0, 0.5)]
 
 
@@ -190,7 +190,7 @@ def test_causes_that_differ_in_numbers_are_counted_as_one():
     rows_ += [failed("the chain did not settle.")] * 2
     rows_ += [failed(f"n{k} <= 12", "refused", 1.0) for k in (1, 2)] + [failed("n1 <= 7", "refused", 1.0)]
     rows_ += [failed(f"a wall of {k} mm is too thin", "refused") for k in (1, 2)]
-    refused, causes = counts_of(rows_)
+    refused, causes = refusal_counts(rows_)
     assert causes == {"joint 0 stands 0.5 % outside, or the like": 4, "the chain did not settle.": 2}
     assert refused == {
         "n1 <= 12": 1, "n2 <= 12": 1, "n1 <= 7": 1, "a wall of 1 mm is too thin, or the like": 2,

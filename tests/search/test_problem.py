@@ -1,4 +1,4 @@
-"""What a study's search means: its variables, conditions, branches, and the study of a candidate."""
+"""The problem of a study's search: its variables, conditions, branches, and the study of a candidate."""
 
 import itertools
 
@@ -8,8 +8,8 @@ from tests.search.search_studies import BASE, REGISTRY, search_problem
 
 from pliant.config.loading import load_study
 from pliant.errors import InvalidDesignError, UserError
-from pliant.interfaces.optimizer import Trial
-from pliant.search.problem.search_problem import SearchProblem
+from pliant_search.optimizer import Trial
+from pliant_search.problem.search_problem import SearchProblem
 
 SEARCH = """
 variables:
@@ -59,7 +59,7 @@ def test_variables_have_types_units_and_conditions(problem):
 
 
 def test_the_studys_81_structures(problem):
-    """All splits into four with largest − smallest ≤ 2: five totals about an odd centre are 81."""
+    """The splits into four with largest − smallest ≤ 2, of five totals about an odd centre, are 81."""
     found = problem.branches()
     by_hand = [
         counts
@@ -71,7 +71,7 @@ def test_the_studys_81_structures(problem):
     assert all(type(value) is int for value in found[0].values())
 
 
-def test_the_space_leaves_out_what_has_a_search_of_its_own(problem):
+def test_the_space_leaves_out_what_has_a_separate_search(problem):
     space = problem.space()
     assert [axis.name for axis in space.variables] == [
         "family.average_radius",
@@ -119,7 +119,7 @@ def test_a_design_that_cannot_be_is_refused(problem):
         problem.apply({**VALUES, "family.average_radius": 0.002}, 0)
 
 
-def test_constraints_of_many_trials_are_those_of_each(problem):
+def test_constraints_on_many_trials_equal_those_on_each(problem):
     rng = np.random.default_rng(3)
     trials = [
         Trial(
@@ -133,7 +133,7 @@ def test_constraints_of_many_trials_are_those_of_each(problem):
     assert problem.violated_each([]) == []
 
 
-def test_constraints_of_variables_and_of_metrics_are_apart(problem):
+def test_constraints_on_variables_and_on_metrics_are_apart(problem):
     assert problem.violated(VALUES) == {}
     broken = problem.violated({**VALUES, "n1": 3, "family.average_radius": 0.006})
     assert set(broken) == {problem.constraints[n].text for n in (0, 1, 2)}
@@ -154,7 +154,7 @@ def test_objectives_are_minimised_and_named_with_or_without_their_unit(problem):
     assert np.isnan(problem.objective_values(VALUES, {"z_max_m": 0.05, "rmse_m": None})[1])
 
 
-def test_names_of_metrics_are_looked_up_in_all_formulas(problem):
+def test_metric_names_are_looked_up_in_all_formulas(problem):
     given = {"z_max_m": 0.05, "rmse_m": 1.0, "e_max_m": None, "slip_m": 0.0, "mode": "slip"}
     problem.require_metrics(given)
     for wrong, message in (
@@ -224,7 +224,7 @@ def formula(
         (formula(more="until: rmse"), "search.until 'rmse' needs a comparison"),
     ],
 )
-def test_mistakes_of_formulas(tmp_path, search, message):
+def test_mistakes_in_formulas(tmp_path, search, message):
     with pytest.raises(UserError, match=message):
         search_problem(tmp_path, search)
 
@@ -232,7 +232,7 @@ def test_mistakes_of_formulas(tmp_path, search, message):
 def test_a_study_without_a_search_says_so(tmp_path):
     (tmp_path / "a.yaml").write_text(BASE)
     with pytest.raises(UserError, match="has no 'search' block"):
-        SearchProblem.of(load_study(tmp_path / "a.yaml", REGISTRY), REGISTRY)
+        SearchProblem.from_study(load_study(tmp_path / "a.yaml", REGISTRY), REGISTRY)
 
 
 def test_too_many_and_no_branches(tmp_path):

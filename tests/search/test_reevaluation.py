@@ -1,6 +1,4 @@
-"""The best candidates once more: the other trials decide, near twins count once, conditions give way to them, wrong
-changes are refused.
-"""
+"""Re-evaluation of the best candidates: new trials decide, near twins count once, conditions and refused changes."""
 
 import time
 
@@ -10,13 +8,13 @@ from tests.search.toy_search import Watched
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.interfaces.optimizer import Trial, Variable
-from pliant.report.search import lines
-from pliant.report.search_files import search_json
-from pliant.search import workers
-from pliant.search.evaluate.evaluator import Evaluator, evaluated, problem_of
-from pliant.search.problem.search_problem import reevaluation_problem
-from pliant.search.run.reevaluation import best_apart
+from pliant_search import workers
+from pliant_search.evaluate.evaluator import Evaluator, build_search_problem, evaluated
+from pliant_search.optimizer import Trial, Variable
+from pliant_search.problem.search_problem import reevaluation_problem
+from pliant_search.report.document import lines
+from pliant_search.report.folder import search_json
+from pliant_search.run.reevaluation import best_apart
 
 NAME = "abs(tip_x - 10 mm)"
 BEST = 5
@@ -32,7 +30,7 @@ def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
     history = result.history
     order = apart(history)[:BEST]
     heavier = opened(*NOISY, "chain.payload=2 g")
-    evaluator = Evaluator(heavier.bench, problem_of(heavier.bench, heavier.study))
+    evaluator = Evaluator(heavier.bench, build_search_problem(heavier.bench, heavier.study))
     again = [
         evaluator.evaluate({name: float(column[k]) for name, column in history.values.items()}).objectives[0]
         for k in order
@@ -48,7 +46,7 @@ def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
 
 
 def apart(history):
-    """Candidates by objective; those left out that are within 5 % of both ranges of a better one."""
+    """Return candidates by objective; those left out that are within 5 % of both ranges of a better one."""
     shares = np.column_stack([
         (history.values["task.pressure"] - 2e3) / 12e3,
         (history.values["chain.module_length"] - 8e-3) / 4e-3,
@@ -60,7 +58,7 @@ def apart(history):
     return found
 
 
-def test_near_twins_of_a_better_candidate_are_left_out(optimized):
+def test_near_twins_to_a_better_candidate_are_left_out(optimized):
     history = optimized(*NOISY).history
     assert len(apart(history)) < len(history)
     assert apart(history)[:BEST] != list(np.argsort(history.objectives[:, 0], kind="stable")[:BEST])
@@ -109,7 +107,7 @@ def test_each_condition_chooses_among_its_own(optimized):
 
 def test_conditions_give_way_to_what_is_tried_again(opened):
     study = opened(*NOISY, LOADED, "search.confirm={change: {chain.payload_kg: 0.002, task.steps: 3}}")
-    problem = reevaluation_problem(problem_of(study.bench, study.study))
+    problem = reevaluation_problem(build_search_problem(study.bench, study.study))
     values = {v.name: v.variable.low for v in problem.variables}
     for condition in (0, 1):
         tried = problem.apply(values, condition)
@@ -123,7 +121,7 @@ def test_a_journal_serves_with_and_without(optimized):
     assert any("going on from the journal" in note for note in watched.notes)
 
 
-def test_its_time_is_that_of_the_search(optimized, monkeypatch):
+def test_its_time_equals_the_search(optimized, monkeypatch):
     before = optimized(*NOISY)
 
     def slow(*given):
@@ -143,7 +141,7 @@ def test_interrupted_there_it_goes_on_with_those_that_are_left(optimized):
     assert (result.evaluations, result.simulations) == (whole.evaluations, whole.simulations)
 
 
-def test_more_of_the_best_go_on_and_another_change_begins_anew(optimized, monkeypatch):
+def test_more_from_the_best_continue_and_another_change_begins_again(optimized, monkeypatch):
     optimized(*NOISY, HEAVIER)
     tried = []
     monkeypatch.setattr(workers, "evaluated", lambda *given: tried.append(1) or evaluated(*given))

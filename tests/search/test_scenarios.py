@@ -1,4 +1,4 @@
-"""Scenarios of robust designs: closed forms, the same for all candidates, CVaR by its definition, what cannot be."""
+"""Scenarios of robust designs: closed forms, equality for all candidates, CVaR by its definition, refusals."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from tests.law_errors import require_errors_as_the_bar
 from tests.search import evaluation_bench as bench
 
-from pliant.config.search import RobustConfig
 from pliant.errors import UserError
-from pliant.pipeline.study import laws_of_study
-from pliant.search.evaluate.evaluator import Evaluator
-from pliant.search.evaluate.fast_path import LawDraw
-from pliant.search.evaluate.scenarios import draw_scenarios, measure
+from pliant.pipeline.study import build_study_laws
+from pliant_search.config import RobustConfig
+from pliant_search.evaluate.evaluator import Evaluator
+from pliant_search.evaluate.fast_path import LawDraw
+from pliant_search.evaluate.scenarios import draw_scenarios, measure
 
 SLOPE = bench.GAIN / bench.STIFFNESS  # rad of the hinge per Pa
 SEARCH = """\
@@ -27,7 +27,7 @@ def robust(**changes):
 
 
 def searched(folder, study=None, **changes):
-    """The hinge, its problem and an evaluator with scenarios."""
+    """Return the hinge, its problem and an evaluator with scenarios."""
     said = {"laws": False, "samples": 16, **changes}
     one, problem = bench.opened(folder, study or bench.HINGE, f"{SEARCH}robust: {said}\n")
     scenarios = draw_scenarios(problem, one.bench.registry, problem.config.robust)
@@ -43,7 +43,7 @@ def test_the_hinge_turns_by_every_scenarios_pressure(tmp_path):
     found = evaluator.evaluate({"pressure": 10e3})
     assert found.scenarios == pytest.approx(SLOPE * (10e3 + amounts(scenarios)), rel=1e-9)
     assert found.objectives == (pytest.approx(np.mean(found.scenarios), rel=1e-12),)
-    # One sample in each sixteenth of the range: the mean is nearly that of the range, and both ends are met.
+    # One sample in each sixteenth of the range: the mean is nearly that of the range, and both ends are reached.
     assert found.objectives[0] == pytest.approx(SLOPE * 10e3, rel=0.05 / 16)
     assert np.max(found.scenarios) > SLOPE * (10e3 + 500 * 14 / 16)
     assert np.min(found.scenarios) < SLOPE * (10e3 - 500 * 14 / 16)
@@ -51,7 +51,7 @@ def test_the_hinge_turns_by_every_scenarios_pressure(tmp_path):
     assert found.metrics["bend_angle_rad"] == pytest.approx(SLOPE * 10e3, rel=1e-9)  # without scenarios
 
 
-def test_a_share_is_of_the_candidates_own_value(tmp_path):
+def test_a_share_refers_to_the_candidates_own_value(tmp_path):
     _, scenarios, evaluator = searched(tmp_path, vary={"task.pressure": "5 %"})
     assert np.abs(amounts(scenarios)).max() <= 0.05
     for pressure in (5e3, 15e3):
@@ -65,7 +65,7 @@ def test_all_candidates_meet_the_same_scenarios(tmp_path):
     assert other / one == pytest.approx(2.0, rel=1e-9)
 
 
-def test_seeds_and_keys_have_streams_of_their_own(tmp_path):
+def test_seeds_and_keys_have_separate_streams(tmp_path):
     one, problem = bench.hinge(tmp_path, SEARCH)
     keys = {"task.pressure": "1 kPa", "surrogate.coefficients.b_e": "10 %"}
 
@@ -127,7 +127,7 @@ def test_drawn_laws_spread_by_their_error_bar_and_share_numbers_between_candidat
     assert np.ptp(off[0]) > 0
     assert off[1] == pytest.approx(off[0], abs=0.01 * np.ptp(off[0]))
     study = problem.apply({"family.radius": 4.7e-3}, 0)
-    law = laws_of_study(one.bench, study)[0].law.law
+    law = build_study_laws(one.bench, study)[0].law.law
     draws = (LawDraw(k, 800, problem.config.robust.seed) for k in range(800))
     require_errors_as_the_bar(law, [evaluator.path.laws.stages(study, one)[0].law.law for one in draws])
 
@@ -154,15 +154,15 @@ VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30)
 
 
 @given(VALUES, st.floats(0.0, 0.99))
-def test_cvar_is_the_mean_of_the_worst(values, level):
-    """By the definition: the least of c + mean(max(v − c, 0)) / (1 − level) over c, which one of the values attains."""
+def test_cvar_is_the_mean_over_the_worst(values, level):
+    """CVaR is the minimum over c of c + mean(max(v − c, 0)) / (1 − level), attained at one of the values."""
     config = robust(vary={"a.b": 1}, measure="cvar", level=level)
     over = np.array(values)
     least = min(c + np.mean(np.maximum(over - c, 0)) / (1 - level) for c in values)
     assert measure(values, config) == pytest.approx(least, rel=1e-9, abs=1e-9)
 
 
-def test_cvar_of_a_fifth_is_the_mean_of_the_worst_two_of_ten():
+def test_cvar_at_a_fifth_is_the_mean_over_the_worst_two_in_ten():
     values = [3.0, 9, 1, 4, 1, 5, 9, 2, 6, 5]
     config = robust(vary={"a.b": 1}, measure="cvar", level=0.8)
     assert measure(values, config) == pytest.approx(np.mean(np.sort(values)[-2:]))

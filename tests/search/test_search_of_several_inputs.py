@@ -8,11 +8,11 @@ from tests.search import evaluation_bench as bench
 
 from pliant import api
 from pliant.records.law import Domain
-from pliant.search.evaluate.evaluator import Evaluator
-from pliant.search.problem.study_setter import changed
-from pliant.search.verify.direct_fem import default_fem
 from pliant.testing.samples import OpposedLaw
 from pliant.testing.solved_samples import free_angles
+from pliant_search.evaluate.evaluator import Evaluator
+from pliant_search.problem.study_setter import changed
+from pliant_search.verify.direct_fem import default_fem
 
 HEIGHTS_M, WALLS_M = (16e-3, 19e-3, 22e-3), (1.5e-3, 2e-3, 2.5e-3)
 TOP_PA = 40e3
@@ -39,7 +39,7 @@ verify: null
 
 
 def true_law(height_m, wall_m):
-    """g grows with the height, the stiffness with wall and height, chambers stiffen it."""
+    """Return a law whose g grows with the height and whose stiffness grows with wall, height and pressures."""
     h, t = height_m / 19e-3, wall_m / 2e-3
     inputs = np.tile([0.0, TOP_PA], (2, 1))
     return OpposedLaw(Domain(inputs, np.array([[-0.4, 0.4]])), 6e-7 * h**2, 0.12 * t * h, 3e-7 * h, 0.1 * t)
@@ -50,7 +50,7 @@ def free_angle(height_m, wall_m, p1=30e3, p2=10e3):
 
 
 def table(path):
-    """States of nine designs as a sweep writes them."""
+    """Return states of nine designs as a sweep writes them."""
     random = np.random.default_rng(4)
     places = np.vstack([list(product((0.0, 1.0), repeat=3)), random.random((16, 3))])
     rows = [
@@ -83,7 +83,7 @@ def test_a_candidate_bends_as_its_closed_form_says(opened):
 
 
 @pytest.mark.slow
-def test_the_search_finds_the_best_design_of_the_closed_form(opened):
+def test_the_search_finds_the_best_design_in_closed_form(opened):
     """Thin walls bend most, and the constraint then bounds the height: h = 26 mm − 4 · 1.5 mm."""
     one, _ = opened
     best = api.optimize(one, workers=1).best[0]
@@ -99,7 +99,7 @@ def test_the_search_finds_the_best_design_of_the_closed_form(opened):
 
 
 def test_the_check_by_fem_is_as_wide_as_the_table_and_the_inputs(opened):
-    """One largest pressure for both chambers: the table's 40 kPa, or 5 % above what a task gives one of them."""
+    """One largest pressure for both chambers: the table's 40 kPa, or 5 % above the largest of a task."""
     one, _ = opened
     wider = changed(one.bench.registry, one.study, {"task.inputs.pressure_2_pa": 50e3})
     assert default_fem(one.bench, [one.study]).pressure_max_pa == pytest.approx(TOP_PA)

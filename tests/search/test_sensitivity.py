@@ -1,4 +1,4 @@
-"""The objective about a design: steps of the range, bounds, integers, choices, what is refused."""
+"""The objective near a design: steps of the range, bounds, integers, choices, refusals."""
 
 from types import SimpleNamespace
 
@@ -8,23 +8,23 @@ from tests.search.found_stand_ins import WIDTH, Evaluator, Problem, found, many
 
 from pliant import api
 from pliant.execution.progress import Silent
-from pliant.interfaces.optimizer import Variable
-from pliant.records.search import VariableRecord
-from pliant.search.analyse.limits import limits
-from pliant.search.analyse.sensitivity import probes_of, sides, slopes
-from pliant.search.evaluate.evaluator import Evaluator as RealEvaluator
-from pliant.search.problem.search_problem import SearchProblem
+from pliant_search.analyse.limits import limits
+from pliant_search.analyse.sensitivity import probe_values, sides, slopes
+from pliant_search.evaluate.evaluator import Evaluator as RealEvaluator
+from pliant_search.optimizer import Variable
+from pliant_search.problem.search_problem import SearchProblem
+from pliant_search.records import VariableRecord
 
 REAL = Variable("width", "real", 2e-3, 4e-3)
 
 
-def of(problem, formula, best):
+def slopes_by_name(problem, formula, best):
     return {slope.name: slope for slope in slopes(problem, best, many(Evaluator(problem, formula)), Silent())}
 
 
 def test_a_plane_has_its_own_slope_everywhere():
     best = found({"width": 3e-3, "count": 4, "side": "left"})
-    slope = of(Problem(), lambda v: 5.0 * v["width"] + 0.1 * v["count"], best)
+    slope = slopes_by_name(Problem(), lambda v: 5.0 * v["width"] + 0.1 * v["count"], best)
     assert slope["width"].change == pytest.approx(0.01 * 5.0 * 2e-3)
     assert slope["count"].change == pytest.approx(0.01 * 0.1 * 6)
     assert np.isnan(slope["side"].change)
@@ -34,7 +34,7 @@ def test_a_plane_has_its_own_slope_everywhere():
 
 def test_a_parabola_is_even_about_its_lowest_point():
     best = found({"width": 3e-3, "count": 4, "side": "left"})
-    slope = of(Problem((WIDTH,)), lambda v: ((v["width"] - 3e-3) / 2e-3) ** 2, best)["width"]
+    slope = slopes_by_name(Problem((WIDTH,)), lambda v: ((v["width"] - 3e-3) / 2e-3) ** 2, best)["width"]
     assert slope.change == pytest.approx(1e-4)
     assert slope.objective.min() == 0.0
     assert list(slope.shares) == sorted(slope.shares)
@@ -46,7 +46,7 @@ def test_a_parabola_is_even_about_its_lowest_point():
 
 @pytest.mark.parametrize(("width", "bound"), [(2e-3, "low"), (4e-3, "high"), (3e-3, ""), (3.99e-3, "high")])
 def test_a_design_on_a_bound_has_one_side(width, bound):
-    slope = of(Problem((WIDTH,)), lambda v: v["width"], found({"width": width}))["width"]
+    slope = slopes_by_name(Problem((WIDTH,)), lambda v: v["width"], found({"width": width}))["width"]
     assert slope.at_bound == bound
     assert slope.change == pytest.approx(0.01 * 2e-3)
     assert np.all((slope.shares >= 0) & (slope.shares <= 1))
@@ -54,9 +54,9 @@ def test_a_design_on_a_bound_has_one_side(width, bound):
 
 def test_what_is_refused_or_no_number_is_no_number():
     problem = Problem((WIDTH,), rules={"width <= 3": lambda v: v["width"] - 3e-3})
-    slope = of(problem, lambda v: np.nan if v["width"] < 2.6e-3 else v["width"], found({"width": 3e-3}))[
-        "width"
-    ]
+    slope = slopes_by_name(
+        problem, lambda v: np.nan if v["width"] < 2.6e-3 else v["width"], found({"width": 3e-3})
+    )["width"]
     assert np.isnan(slope.objective[slope.shares > 0.5]).all()
     assert np.isnan(slope.objective[slope.shares < 0.3]).all()
     assert slope.change == pytest.approx(0.01 * 2e-3)
@@ -66,12 +66,12 @@ def test_what_is_refused_or_no_number_is_no_number():
 
 
 def test_probes_stay_within_their_bounds_and_integers_are_whole():
-    assert [value for _, value in probes_of(Variable("count", "integer", 2, 8), 4)] == [2, 3, 5, 6, 7, 8]
-    many_ = [value for _, value in probes_of(Variable("count", "integer", 0, 1000), 317)]
+    assert [value for _, value in probe_values(Variable("count", "integer", 2, 8), 4)] == [2, 3, 5, 6, 7, 8]
+    many_ = [value for _, value in probe_values(Variable("count", "integer", 0, 1000), 317)]
     assert {316, 318, 0, 1000} <= set(many_) and len(many_) <= 14
     assert all(isinstance(value, int) for value in many_)
     for at in np.random.default_rng(0).uniform(REAL.low, REAL.high, 50):
-        for _, value in probes_of(REAL, float(at)):
+        for _, value in probe_values(REAL, float(at)):
             assert REAL.low <= value <= REAL.high
             assert abs(value - at) >= 0.0099 * 2e-3
 
@@ -86,7 +86,7 @@ def test_everything_else_is_held_and_the_context_kept():
         assert sum(values[name] != best.values[name] for name in values) <= 1
 
 
-def test_variables_of_other_conditions_are_not_tried():
+def test_variables_in_other_conditions_are_not_tried():
     class Conditional(Problem):
         @property
         def variables(self):
@@ -104,8 +104,13 @@ def test_what_cannot_change_alone_has_no_slope():
     number = VariableRecord("n", ("chain.modules",), "integer", 2, 8, each=True)
     still = VariableRecord("still", ("family.still",), "real", 1.0, 1.0)
     best = found({"n": 4, "still": 1.0})
-    assert list(of(Problem((number, still)), lambda v: 1e-3 * v["n"], best)) == ["n"]
-    assert of(Problem((number,), {"n == 4": lambda v: abs(v["n"] - 4)}), lambda v: 1e-3 * v["n"], best) == {}
+    assert list(slopes_by_name(Problem((number, still)), lambda v: 1e-3 * v["n"], best)) == ["n"]
+    assert (
+        slopes_by_name(
+            Problem((number,), {"n == 4": lambda v: abs(v["n"] - 4)}), lambda v: 1e-3 * v["n"], best
+        )
+        == {}
+    )
 
 
 REACH = """\
@@ -128,7 +133,7 @@ search:
 def test_the_real_evaluator_about_a_real_design(tmp_path):
     (tmp_path / "reach.yaml").write_text(REACH)
     opened = api.open_study(tmp_path / "reach.yaml", store=tmp_path / "store")
-    problem = SearchProblem.of(opened.study, opened.bench.registry)
+    problem = SearchProblem.from_study(opened.study, opened.bench.registry)
     evaluator = RealEvaluator(opened.bench, problem)
     values = {"n": 7, "task.pressure": 6e3}
     at_best = evaluator.evaluate(values)

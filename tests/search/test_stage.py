@@ -8,11 +8,11 @@ import pytest
 from tests.search.toy_search import Narrowing, Watched
 
 from pliant.errors import UserError
-from pliant.records.search import Verification
-from pliant.report.search import lines
-from pliant.search.stage import JOURNALS, files_folder, search_study
-from pliant.search.stage_keys import components_of
-from pliant.search.verify.check import converged, merged
+from pliant_search.records import Verification
+from pliant_search.report.document import lines
+from pliant_search.stage import JOURNALS, files_folder, search_study
+from pliant_search.stage_keys import search_components
+from pliant_search.verify.check import converged, merged
 
 LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
 UNCHECKED = "search.verify=null"
@@ -28,7 +28,7 @@ def test_each_condition_has_its_own_best_design(optimized):
     assert result.conditions == ("light", "heavy")
     assert [design.context for design in result.best] == [0, 1]
     assert [list(design.conditions) for design in result.best] == [["light"], ["heavy"]]
-    assert result.evaluations == len(result.history) + 2  # what it recommends is tried too
+    assert result.evaluations == len(result.history) + 2  # its recommendations are evaluated too
     assert result.simulations == result.evaluations
     for context, design in enumerate(result.best):
         (objective,) = design.objectives.values()
@@ -57,7 +57,7 @@ SHARED = """\
 """
 
 
-def test_variables_that_are_one_are_told_in_the_units_of_their_key(optimized):
+def test_variables_that_are_one_are_reported_in_their_key_units(optimized):
     result = optimized("optimizer=contextual", "search.budget=12", UNCHECKED, LOADED, change=(OWN, SHARED))
     records = {record.name: record for record in result.variables}
     assert list(records) == ["light", "heavy", "task.pressure"]
@@ -77,7 +77,7 @@ def test_variables_that_are_one_are_told_in_the_units_of_their_key(optimized):
             assert design.values[name] in shown[rows]
 
 
-def test_the_slopes_of_a_robust_search_are_undisturbed_on_workers_too(opened, optimized):
+def test_the_slopes_in_a_robust_search_are_undisturbed_on_workers_too(opened, optimized):
     robust = "search.robust={samples: 2, laws: false, compare: false, vary: {task.pressure: 20 %}}"
     changes = (robust, "search.budget=4", UNCHECKED)
     study = opened(*changes)
@@ -135,7 +135,7 @@ def test_several_objectives_give_a_front(optimized):
     rows = np.array([list(design.objectives.values()) for design in result.best])
     assert len(rows) > 1
     assert np.all(np.diff(rows[:, 0]) > 0)
-    assert np.all(np.diff(rows[:, 1]) > 0)  # tip_z is to be large: what costs tip_x gains it
+    assert np.all(np.diff(rows[:, 1]) > 0)  # tip_z is to be large: what reduces tip_x increases it
     for told in result.history.objectives:  # as minimised: nothing beats a member
         beaten = np.all(told <= rows * [1, -1], axis=1) & np.any(told < rows * [1, -1], axis=1)
         assert not beaten.any()
@@ -168,14 +168,14 @@ def test_another_task_in_a_condition_may_measure_something_else(opened, optimize
     assert optimized(hang, *changes, change=(OWN, OWN.partition("\n")[2])).evaluations == 1
     engine = "search.variables.engine={key: physics.kind, choices: [quasistatic, mujoco]}"
     study = opened(engine, hang, change=(OWN, OWN.partition("\n")[2]))
-    kinds = {c.kind for c in components_of(study.bench, study.study)}
+    kinds = {c.kind for c in search_components(study.bench, study.study)}
     assert {"quasistatic", "mujoco", "free_bending", "helical_hang"} <= kinds
 
 
 ROBUST = "search.robust={samples: 4, laws: false, measure: worst, vary: {task.pressure: 20 %}}"
 
 
-def first_of(result):
+def first_values(result):
     return {name: float(column[0]) for name, column in result.history.values.items()}
 
 
@@ -202,22 +202,22 @@ def test_a_robust_search_begins_at_the_nominal_design(optimized):
     changes = (ROBUST, "search.budget=18", "optimizer=cmaes")
     nominal = optimized(*changes, "search.robust=null").best[0]
     result = optimized(*changes)
-    assert first_of(result) == dict(nominal.values)
+    assert first_values(result) == dict(nominal.values)
     near = np.abs(np.diff(np.sort(result.history.values["task.pressure"][:6]))).max()
-    assert near < 0.5 * 12e3  # of the range: it looks about that design first
+    assert near < 0.5 * 12e3  # of the range: it searches near that design first
     assert result.simulations == 18 * 5  # it is one of the eighteen
-    assert first_of(optimized(*changes, "search.start=anywhere")) != dict(nominal.values)
+    assert first_values(optimized(*changes, "search.start=anywhere")) != dict(nominal.values)
 
 
 def test_the_nominal_design_takes_part_where_the_optimizer_begins_elsewhere(optimized):
     result = optimized(ROBUST, "search.budget=40")
-    assert first_of(result) != dict(result.robustness.nominal.values)
+    assert first_values(result) != dict(result.robustness.nominal.values)
     assert result.simulations == (40 + 1) * 5
     assert result.robustness.robust_of_robust <= result.robustness.robust_of_nominal
 
 
 def test_where_the_nominal_design_is_the_most_robust_the_words_say_so(optimized):
-    # It tries the nominal design and nothing else.
+    # It evaluates the nominal design and nothing else.
     result = optimized(ROBUST, "search.budget=1", "optimizer=cmaes")
     assert result.nominal_is_robust
     (said,) = [line for line in lines(result, "quasistatic") if line.startswith("robust ")]
@@ -262,7 +262,7 @@ def test_what_a_search_depends_on(opened, change, again):
     assert (keys[0] != keys[1]) == again
 
 
-def test_checks_of_several_conditions_become_one():
+def test_checks_in_several_conditions_become_one():
     answers = {"a": {"m": 2.0}, "b": {"m": 9.0}}
     one = Verification({"a": {"m": 1.0}}, answers, {"a": {"x": {"m": 2.0}}}, (), 1.0, 2.0, ("all", "n"))
     two = replace(

@@ -1,13 +1,13 @@
-"""Tolerances that leave the meta-model's range are said before the search, with the range that would do."""
+"""Tolerances that leave the meta-model's range are reported before the search, with the range that would suffice."""
 
 import pytest
 from tests.search import evaluation_bench as bench
 from tests.search.toy_search import Watched
 
 from pliant.errors import UserError
-from pliant.search.evaluate.evaluator import evaluator_of_study
-from pliant.search.evaluate.scenarios import tolerance_notes
-from pliant.search.stage import search_study
+from pliant_search.evaluate.evaluator import evaluator_from_study
+from pliant_search.evaluate.scenarios import tolerance_notes
+from pliant_search.stage import search_study
 
 # The table's radii are 4 mm to 5.5 mm, its lengths 8 mm to 10 mm; the study's own 4.7 mm and 8.6 mm.
 SEARCH = "variables: {{R: {{key: family.radius, low: {low}, high: {high}}}}}\nobjective: bend_angle\n{more}"
@@ -23,7 +23,7 @@ def said(folder, vary, low="4 mm", high="5.5 mm", more="", extrapolate=""):
         block = study.meta_model.model_copy(update={"extrapolate": True})
         study = study.model_copy(update={"meta_model": block})
         object.__setattr__(problem, "study", study)
-    return tolerance_notes(one.bench, problem, evaluator_of_study(one.bench, study).scenarios)
+    return tolerance_notes(one.bench, problem, evaluator_from_study(one.bench, study).scenarios)
 
 
 def test_a_variables_range_with_its_tolerance_is_told_beside_the_meta_models(tmp_path):

@@ -1,4 +1,4 @@
-"""The check of a found design: laws by direct FEM of itself, the task in every engine, notes where it cannot be."""
+"""The check of a found design: laws by direct FEM of it, the task in every engine, notes where this is impossible."""
 
 import dataclasses
 import math
@@ -10,13 +10,13 @@ from tests.pipeline import meta_bench
 from tests.search.found_stand_ins import found
 
 from pliant import api
-from pliant.config.search import VerifyConfig
 from pliant.errors import UserError
-from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.problem.study_setter import changed
-from pliant.search.verify import verification
-from pliant.search.verify.direct_fem import check_verifiable, default_fem, direct_studies, solvable
-from pliant.search.verify.verification import law_errors, verify
+from pliant_search.config import VerifyConfig
+from pliant_search.problem.search_problem import SearchProblem
+from pliant_search.problem.study_setter import changed
+from pliant_search.verify import verification
+from pliant_search.verify.direct_fem import check_verifiable, default_fem, direct_studies, solvable
+from pliant_search.verify.verification import law_errors, verify
 
 SPRINGS = (
     "fem: {kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 3, angles: 5, check_states: 2}"
@@ -26,7 +26,7 @@ SEARCH = "search: {variables: {family.radius: {low: 4 mm, high: 5.5 mm}}, object
 
 
 class Problem:
-    """Applies values of dotted keys, and conditions, to a study."""
+    """A problem that applies values of dotted keys, and conditions, to a study."""
 
     def __init__(self, opened, conditions=None):
         self.study, self.registry = opened.study, opened.bench.registry
@@ -34,25 +34,28 @@ class Problem:
         self.changes = conditions or {"": {}}
         self.conditions = tuple(SimpleNamespace(name=name) for name in self.changes)
 
+    def metric_violations(self, values, metrics):
+        return {}
+
     def apply(self, values, condition):
         change = list(self.changes.values())[condition]
         return changed(self.registry, self.study, {**change, **values})
 
 
 def springs(folder, *changes, verify_block="{}", fem=SPRINGS):
-    """Springs with the stand-in meta-model, a search block, and FEM that costs nothing."""
+    """Return springs with the stand-in meta-model, a search block, and FEM without cost."""
     old = "physics: quasistatic"
     more = SEARCH.replace("VERIFY", verify_block) + (f"{fem}\n" if fem else "")
     return meta_bench.opened(folder, (old, f"{more}{old}"), *changes)
 
 
 def checked(folder, *changes, values=RADIUS, **how):
-    """The check of a design of these springs."""
+    """Return the check of a design of these springs."""
     opened = springs(folder, *changes, **how)
     return verify(opened.bench, Problem(opened), found(values))
 
 
-def test_the_verified_metrics_are_those_of_the_design_s_own_fem(tmp_path):
+def test_the_verified_metrics_equal_the_design_s_own_fem(tmp_path):
     check = checked(tmp_path)
     truth = meta_bench.free_angle(4.7e-3, 8.6e-3, 10e3)
     verified, predicted = check.verified["quasistatic"], check.predicted["quasistatic"]
@@ -87,7 +90,7 @@ def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
 def test_metrics_are_means_over_the_conditions(tmp_path):
     conditions = "conditions: {soft: {task.pressure: 5 kPa}, hard: {task.pressure: 10 kPa}}"
     opened = springs(tmp_path, ("objective: tip_x,", f"objective: tip_x, {conditions},"))
-    problem = SearchProblem.of(opened.study, opened.bench.registry)
+    problem = SearchProblem.from_study(opened.study, opened.bench.registry)
     check = verify(opened.bench, problem, found({"family.radius": 5.1e-3}))
     each = check.conditions["quasistatic"]
     truth = {name: meta_bench.free_angle(5.1e-3, 8.6e-3, p) for name, p in (("soft", 5e3), ("hard", 10e3))}
@@ -99,7 +102,7 @@ def test_metrics_are_means_over_the_conditions(tmp_path):
     assert list(own.conditions["quasistatic"]) == ["hard"]
 
 
-def test_change_is_on_top_of_the_design(tmp_path):
+def test_a_change_is_on_top_from_the_design(tmp_path):
     check = checked(tmp_path, verify_block="{change: {task.pressure: 5 kPa}}")
     truth = meta_bench.free_angle(4.7e-3, 8.6e-3, 5e3)
     assert check.verified["quasistatic"]["max_joint_angle_rad"] == pytest.approx(truth, rel=1e-6)
@@ -191,12 +194,12 @@ def test_a_wrong_change(tmp_path, change, sentence):
         check_verifiable(opened.study.model_copy(update={"search": search}), opened.bench.registry)
 
 
-def test_misses_of_a_law_that_is_off_by_a_known_share(tmp_path):
+def test_misses_by_a_law_that_is_off_by_a_known_share(tmp_path):
     opened = springs(tmp_path)
     direct, _ = direct_studies(opened.bench, [opened.study])
-    from pliant.pipeline.study import laws_of_study
+    from pliant.pipeline.study import build_study_laws
 
-    (stages,) = laws_of_study(opened.bench, direct[0])
+    (stages,) = build_study_laws(opened.bench, direct[0])
     data = stages.fem.value
 
     class Off:
@@ -237,7 +240,7 @@ search: {variables: {chain.modules: {low: 3, high: 5}}, objective: tip_z}
 
 
 @pytest.mark.slow
-def test_the_published_law_of_a_bellow_against_its_own_fem(tmp_path):
+def test_the_published_bellow_law_against_its_own_fem(tmp_path):
     pytest.importorskip("mujoco")
     (tmp_path / "finger.yaml").write_text(FINGER)
     opened = api.open_study(tmp_path / "finger.yaml", store=tmp_path / "store")

@@ -1,26 +1,26 @@
-"""Workers: processes give what one process gives; who dies is replaced; who kills workers has failed."""
+"""Workers: several processes give the result of one; dead workers are replaced; a job that kills workers has failed."""
 
 from concurrent.futures import ProcessPoolExecutor
 
 import pytest
-from tests.search.toy_search import ToyEvaluator, searched, setup_of, told
+from tests.search.toy_search import ToyEvaluator, make_setup, searched, told
 
 from pliant.errors import NotReachedError, UserError
 from pliant.execution.jobs import KILLED, Failure, Finished
-from pliant.interfaces.optimizer import Trial
 from pliant.pipeline import remote
 from pliant.pipeline.remote import RemoteStudy
-from pliant.search import workers
-from pliant.search.run.journal import Generation
-from pliant.search.stage_keys import MODULES
-from pliant.search.workers import Setup, told_of, work
+from pliant_search import workers
+from pliant_search.optimizer import Trial
+from pliant_search.run.journal import Generation
+from pliant_search.stage_keys import MODULES
+from pliant_search.workers import Setup, finished_trial, work
 
 VALUES = {"a": 0.5, "b": 0.0, "n": 2}
 
 
 def test_a_candidate_that_kills_its_worker_has_failed():
     lost = Finished(0, Trial(3, VALUES), failure=Failure(KILLED))
-    assert told_of(lost) == Trial(3, VALUES, state="failed", cause=KILLED)
+    assert finished_trial(lost) == Trial(3, VALUES, state="failed", cause=KILLED)
 
 
 def test_an_executor_that_breaks_is_said_and_what_was_told_is_kept(tmp_path):
@@ -30,12 +30,12 @@ def test_an_executor_that_breaks_is_said_and_what_was_told_is_kept(tmp_path):
 
 
 def test_a_worker_builds_its_evaluator_once():
-    first = work(setup_of(delay_s=0.0), Trial(0, VALUES))
+    first = work(make_setup(delay_s=0.0), Trial(0, VALUES))
     assert first.objectives == ToyEvaluator().evaluate(VALUES).objectives
     kept = workers._KEPT.evaluator
-    work(setup_of(delay_s=0.0), Trial(1, VALUES))
+    work(make_setup(delay_s=0.0), Trial(1, VALUES))
     assert workers._KEPT.evaluator is kept
-    work(setup_of(delay_s=1e-4), Trial(1, VALUES))
+    work(make_setup(delay_s=1e-4), Trial(1, VALUES))
     assert workers._KEPT.evaluator is not kept
 
 
@@ -55,4 +55,4 @@ def test_an_outcome_survives_its_journal():
     own = ("ok", (1 / 3, 2.0), 0.25, "why", {"m": 1e-300}, {"c": {"m": 2.0}}, (1.0,), 7, 0.5)
     row = Trial(3, {"a": 0.1 + 0.2, "n": 2, "k": "x"}, 1, *own)
     generation = Generation(4, 6, (row,), 2.5)
-    assert Generation.of_line(generation.line().encode()) == generation
+    assert Generation.from_line(generation.line().encode()) == generation

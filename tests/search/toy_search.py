@@ -1,4 +1,4 @@
-"""A search of a formula: problem, evaluator and optimizer small enough to know every answer."""
+"""A search of a formula: problem, evaluator and optimizer small enough that every answer is known."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import create_model
 
-from pliant.config.search import SearchConfig
 from pliant.execution.executors import executor_for
 from pliant.execution.progress import Silent
-from pliant.interfaces.optimizer import (
+from pliant.pipeline.remote import RemoteStudy
+from pliant_search.config import SearchConfig
+from pliant_search.optimizer import (
     Context,
     Optimizer,
     OptimizerCapabilities,
@@ -28,16 +29,15 @@ from pliant.interfaces.optimizer import (
     Value,
     Variable,
 )
-from pliant.pipeline.remote import RemoteStudy
-from pliant.search.run.journal import Journal
-from pliant.search.run.loop import Branch, Loop
-from pliant.search.workers import Setup, queue_of
+from pliant_search.run.journal import Journal
+from pliant_search.run.loop import Branch, Loop
+from pliant_search.workers import Setup, trial_queue
 
 PLANE = (Variable("a", "real", -1.0, 2.0), Variable("b", "real", -2.0, 1.0), Variable("n", "integer", 0, 4))
 
 
 class ToyEvaluator:
-    """A bowl about (0.3, −0.4, 2); settings make it slow, deadly or wrong in places."""
+    """A bowl about (0.3, −0.4, 2); settings make it slow, fatal or wrong in places."""
 
     def __init__(
         self, delay_s: float = 0.0, log: str = "", deadly: float = 9.0, killed: str = "", **wrong: float
@@ -89,7 +89,7 @@ class ToyProblem:
 
 
 class Narrowing(Optimizer):
-    """Draws about the best that it was told, ever nearer; what it does hangs on all that it was told."""
+    """An optimizer that draws ever nearer to the best reported value; it depends on all reported values."""
 
     def __init__(self, config: OptimizerConfig | None = None, batch: int = 6, shift: float = 0.0) -> None:
         super().__init__(config or OptimizerConfig(kind="narrowing"))
@@ -151,7 +151,7 @@ class Narrowing(Optimizer):
 
 
 class Contextual(Narrowing):
-    """Tries candidates in turn in each condition, and recommends the best that it knows for all."""
+    """An optimizer that tries candidates in turn in each condition, and recommends the best known one for all."""
 
     capabilities = OptimizerCapabilities(contexts=True)
 
@@ -161,34 +161,34 @@ class Contextual(Narrowing):
 
 
 class Front(Narrowing):
-    """Scores by the first of several objectives; a random search of the others."""
+    """An optimizer that scores by the first of several objectives; otherwise a random search."""
 
     capabilities = OptimizerCapabilities(several_objectives=True)
 
 
 class Knowing(Narrowing):
-    """Knows what brings the tip of `search_study` to 10 mm, and recommends it."""
+    """An optimizer that knows and recommends the values that bring the tip of `search_study` to 10 mm."""
 
     def recommend(self) -> Sequence[Trial]:
         return [Trial(-1, {"task.pressure": 6.16245e3, "chain.module_length": 10.5e-3})]
 
 
-def config_of(kind: str) -> type[OptimizerConfig]:
-    """A config without settings."""
+def make_config(kind: str) -> type[OptimizerConfig]:
+    """Return a config without settings."""
     return create_model(f"{kind.title()}Config", __base__=OptimizerConfig, kind=(Literal[kind], kind))
 
 
 NarrowingConfig, ContextualConfig, FrontConfig, KnowingConfig = map(
-    config_of, ("narrowing", "contextual", "front", "knowing")
+    make_config, ("narrowing", "contextual", "front", "knowing")
 )
 
 
 class StopError(Exception):
-    """Stands for whatever ends a process."""
+    """Raised in place of any event that ends a process."""
 
 
 class Watched(Silent):
-    """Progress that keeps what it is told, and ends the search after so many steps."""
+    """A progress that keeps its messages, and ends the search after a given number of steps."""
 
     def __init__(
         self, after: float = math.inf, error: type[BaseException] = StopError, title: str = ""
@@ -221,14 +221,16 @@ class Watched(Silent):
         self.total = total
 
 
-def evaluator_of(setup: Setup) -> ToyEvaluator:
-    """For workers: the setup's study is the evaluator's settings."""
+def evaluator_from_setup(setup: Setup) -> ToyEvaluator:
+    """Return an evaluator for workers: the setup's study is the evaluator's settings."""
     return ToyEvaluator(**json.loads(setup.study.study))
 
 
-def setup_of(**settings: Any) -> Setup:
-    """What `evaluator_of` reads."""
-    return Setup(RemoteStudy(json.dumps(settings), (), ""), make="tests.search.toy_search:evaluator_of")
+def make_setup(**settings: Any) -> Setup:
+    """Return the setup that `evaluator_from_setup` reads."""
+    return Setup(
+        RemoteStudy(json.dumps(settings), (), ""), make="tests.search.toy_search:evaluator_from_setup"
+    )
 
 
 def searched(
@@ -246,7 +248,7 @@ def searched(
     space: Space | None = None,
     **settings: Any,
 ) -> list[Branch]:
-    """Run searches; the branches as they ended."""
+    """Run searches; return the branches as they ended."""
     folder.mkdir(exist_ok=True)
     rules, axes = problem or ToyProblem(), space or Space(PLANE)
     rules.config = SearchConfig.model_construct(seed=seed, budget=budget, generations=generations)
@@ -254,14 +256,14 @@ def searched(
     made = [Branch(k, rules, make, axes, Journal(folder, f"branch-{k}")) for k in range(len(branches))]
     with (
         executor_for(executor or workers) as running,
-        queue_of(running, setup_of(**settings), ToyEvaluator(**settings)) as queue,
+        trial_queue(running, make_setup(**settings), ToyEvaluator(**settings)) as queue,
     ):
         Loop(made, queue, progress or Silent(), "searching", lambda branch: None).run()
     return made
 
 
 def told(branches: Sequence[Branch]) -> list[list[Any]]:
-    """Everything but the time, branch by branch."""
+    """Return everything except the time, branch by branch."""
     return [[astuple(replace(trial, wall_s=0.0)) for trial in branch.trials] for branch in branches]
 
 

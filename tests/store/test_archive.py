@@ -1,4 +1,4 @@
-"""A study goes elsewhere with its artifacts: the same report, nothing solved, and nothing in an archive but data."""
+"""Exchange of a study with its artifacts: the same report, nothing solved, and nothing in an archive but data."""
 
 import json
 import re
@@ -39,7 +39,7 @@ def kept(root, studies=("a",), count=2):
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """A study that ran at home, and its archive."""
+    """Return a study that ran at home, and its archive."""
     place = tmp_path_factory.mktemp("ran")
     (place / "home/tables").mkdir(parents=True)
     shutil.copy(TABLE, place / "home/tables/states.csv")
@@ -53,7 +53,7 @@ def ran(tmp_path_factory):
 
 @pytest.fixture
 def exported(ran, workplace):  # noqa: F811
-    """A copy of both, in the working folder."""
+    """Return a copy of both, in the working folder."""
     shutil.copytree(ran, workplace, dirs_exist_ok=True)
     return Path("study.zip")
 
@@ -77,7 +77,7 @@ def test_a_report_comes_back_elsewhere_and_nothing_is_solved(exported, pliant): 
     )
 
 
-def test_the_store_says_what_is_of_which_study(exported, pliant):  # noqa: F811
+def test_the_store_says_what_belongs_to_which_study(exported, pliant):  # noqa: F811
     call = pliant("store", "--store", "home/store", "--json", "store.json").done()
     data = json.loads(Path("store.json").read_text())
     assert "taken-along" in call.out and {"fit", "simulate"} <= {one["stage"] for one in data["stages"]}
@@ -119,7 +119,7 @@ def module_lock(entry):
 
 
 def changed(source, target, change):
-    """A copy of an archive whose files went through `change(name, content)`: pairs to write."""
+    """Return a copy of an archive with the pairs that `change(name, content)` returns for its files."""
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
         for name in old.namelist():
             for other, content in change(name, old.read(name)):
@@ -127,24 +127,32 @@ def changed(source, target, change):
     return target
 
 
-def of(part, change):
-    """Change the files whose names hold this part."""
+def change_part(part, change):
+    """Change the files whose names contain this part."""
     return lambda name, data: change(name, data) if part in name else [(name, data)]
 
 
 INDEX = "archive.json"
 HARMFUL = {
-    "a path out": of(INDEX, lambda name, data: [(name, data), ("../../harm", b"x")]),
-    "an absolute path": of(INDEX, lambda name, data: [(name, data), ("/tmp/pliant-harm", b"x")]),
-    "a path out of the study": of("study/study", lambda name, data: [("study/../study.yaml", data)]),
-    "a hidden file": of("states.csv", lambda name, data: [("study/files1/.bashrc", data)]),
-    "a file beside an artifact": of("value.json", lambda name, data: [(name.replace("json", "pkl"), data)]),
-    "another value": of("value.json", lambda name, data: [(name, data.replace(b"0", b"1"))]),
-    "another study": of(INDEX, lambda name, data: [(name, data.replace(b"taken-along", b"../../etc"))]),
-    "another file": of(INDEX, lambda name, data: [(name, data.replace(b"study.yaml", b"../x.yaml"))]),
-    "another format": of(INDEX, lambda name, data: [(name, data.replace(b'format": 1', b'format": 7'))]),
-    "no index": of(INDEX, lambda name, data: []),
-    "a list as index": of(INDEX, lambda name, data: [(name, b"[1]")]),
+    "a path out": change_part(INDEX, lambda name, data: [(name, data), ("../../harm", b"x")]),
+    "an absolute path": change_part(INDEX, lambda name, data: [(name, data), ("/tmp/pliant-harm", b"x")]),
+    "a path out of the study": change_part("study/study", lambda name, data: [("study/../study.yaml", data)]),
+    "a hidden file": change_part("states.csv", lambda name, data: [("study/files1/.bashrc", data)]),
+    "a file beside an artifact": change_part(
+        "value.json", lambda name, data: [(name.replace("json", "pkl"), data)]
+    ),
+    "another value": change_part("value.json", lambda name, data: [(name, data.replace(b"0", b"1"))]),
+    "another study": change_part(
+        INDEX, lambda name, data: [(name, data.replace(b"taken-along", b"../../etc"))]
+    ),
+    "another file": change_part(
+        INDEX, lambda name, data: [(name, data.replace(b"study.yaml", b"../x.yaml"))]
+    ),
+    "another format": change_part(
+        INDEX, lambda name, data: [(name, data.replace(b'format": 1', b'format": 7'))]
+    ),
+    "no index": change_part(INDEX, lambda name, data: []),
+    "a list as index": change_part(INDEX, lambda name, data: [(name, b"[1]")]),
 }
 
 
@@ -159,7 +167,7 @@ def test_an_archive_is_data_and_no_path_leaves_its_folder(exported, tmp_path):
     assert not Path("/tmp/pliant-harm").exists() and not (tmp_path / "harm").exists()
 
 
-def test_the_unpacked_size_of_an_archive_is_bounded(exported, tmp_path, monkeypatch):
+def test_the_unpacked_archive_size_is_bounded(exported, tmp_path, monkeypatch):
     bomb = changed(exported, tmp_path / "bomb.zip", lambda name, data: [(name, data + b" " * 10_000_000)])
     assert bomb.stat().st_size < 2_000_000
     monkeypatch.setattr(module, "UNPACKED", 5_000_000)

@@ -52,7 +52,7 @@ def fingerprint(package):
     return code_fingerprint([f"{package.name}.family"])
 
 
-def test_the_closure_follows_every_form_of_import(package):
+def test_the_closure_follows_every_import_form(package):
     names = {name.removeprefix(package.name + ".") for name in code_closure([f"{package.name}.family"])}
     assert {"family", "mesh", "helpers.maths"} <= names
     assert "other" not in names
@@ -69,7 +69,7 @@ def test_editing_a_comment_a_docstring_or_another_module_does_not(package):
     assert fingerprint(package) == before
 
 
-def test_data_of_other_packages_and_documentation_do_not(package):
+def test_data_in_other_packages_and_documentation_do_not(package):
     before = fingerprint(package)
     (package / "apart" / "unused.json").write_text("[3]")
     (package / "README.md").write_text("other words")
@@ -110,7 +110,7 @@ def test_a_surrogate_does_not_depend_on_the_fem_plugin():
     assert not any("fem.skfem" in name or "families" in name for name in closure)
 
 
-def test_versions_of_required_libraries():
+def test_required_library_versions():
     assert versions(["numpy"])["numpy"].count(".") >= 1
     assert versions(["no_such_module"]) == {}
 
@@ -161,7 +161,7 @@ def test_what_is_kept_beside_the_byte_code_says_the_same(package, tmp_path, monk
         if torn:
             files[0].write_text(files[0].read_text()[:70])
         else:
-            patch.setattr("pliant.store.fingerprint.ast.parse", lambda source: pytest.fail("parsed again"))
+            patch.setattr("pliant.registry.source_code.ast.parse", lambda source: pytest.fail("parsed again"))
         assert fingerprint(package) == before and code_closure([f"{package.name}.family"]) == closure
     (package / "mesh.py").write_text("VALUE = 3\n")
     changed = fingerprint(package)
@@ -169,7 +169,7 @@ def test_what_is_kept_beside_the_byte_code_says_the_same(package, tmp_path, monk
     assert fingerprint(package) == changed != before
 
 
-def test_an_attribute_of_a_module_does_not_run_it(package):
+def test_a_module_attribute_does_not_run_it(package):
     (package / "family.py").write_text("from .other import VALUE\n")
     (package / "other.py").write_text("raise RuntimeError\nVALUE = 2\n")
     assert f"{package.name}.other" in code_closure([f"{package.name}.family"])

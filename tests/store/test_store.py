@@ -1,4 +1,4 @@
-"""The artifact store: content-addressed, atomic, shared by processes, no pickle, corruption found."""
+"""The artifact store: content-addressed, atomic, shared by processes, no pickle, corruption detected."""
 
 import json
 import multiprocessing
@@ -173,7 +173,7 @@ def test_writing_a_file_is_all_or_nothing(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["out.json"]
 
 
-def test_every_entry_of_the_manifest_is_covered_by_its_digest(tmp_path):
+def test_every_manifest_entry_is_covered_by_its_digest(tmp_path):
     made = ArtifactStore(tmp_path).make(recipe(), lambda partial: value())
     path = made.folder / "manifest.json"
     sound = json.loads(path.read_text())
@@ -190,7 +190,7 @@ def test_every_entry_of_the_manifest_is_covered_by_its_digest(tmp_path):
 
 @pytest.fixture
 def permissions(tmp_path):
-    """Skips where permissions do not bind, as for root."""
+    """Skip where permissions have no effect, as for root."""
     probe = tmp_path / "probe"
     probe.touch(0o000)
     if os.access(probe, os.R_OK):
@@ -267,7 +267,7 @@ def test_the_first_run_goes_on_with_what_later_runs_read(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["__record__", "__array__", "__tuple__", "__items__"])
-def test_a_mapping_may_use_the_words_of_the_codec(name):
+def test_a_mapping_may_use_the_codec_words(name):
     thing = {"outer": {name: (1, {name: "Design"})}, name: 2}
     assert decode(json.loads(json.dumps(encode(thing, {}))), {}) == thing
 
@@ -290,12 +290,12 @@ def test_only_plain_records_and_numbers_that_json_has_are_stored(thing):
         encode(thing, {})
 
 
-def test_what_lies_in_the_place_of_an_artifact_is_not_taken_for_it(tmp_path):
+def test_what_lies_in_an_artifact_place_is_not_taken_for_it(tmp_path):
     store, notes = ArtifactStore(tmp_path), []
     other = store.make(recipe(code="other"), lambda partial: 1)
     assert (
         other.folder.stat().st_mode == other.folder.parent.stat().st_mode
-    )  # others may read as the umask says
+    )  # others may read as the umask allows
     shutil.copytree(other.folder, other.folder.with_name(recipe().key))
     assert store.make(recipe(), lambda partial: 2, notes.append).value == 2
     assert "corrupted" in notes[0]

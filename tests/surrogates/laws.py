@@ -1,4 +1,4 @@
-"""Laws of every kind to try out, in and far outside their boxes, and their plain functions."""
+"""Laws of every kind to test, inside and far outside their boxes, and their plain functions."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from pliant_plugins.surrogates.neural.network import Network
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
-from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
-from pliant_plugins.surrogates.polynomial.study import study_law
+from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, study_law
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 PRESSURE_PA = 15e3
@@ -64,7 +63,7 @@ TERMS = {
 
 
 def energy_law(axes: int) -> EnergyPolynomialLaw:
-    """The sample's energy law of the axes y, or x and y, or all."""
+    """Return the sample's energy law of the axes y, or x and y, or all."""
     keep = {1: [2], 2: [1, 2], 3: [1, 2, 3]}[axes]
     chosen = {t: c for t, c in TERMS.items() if all(t[i] == 0 for i in range(1, 4) if i not in keep)}
     exponents = np.array([[t[0], *(t[i] for i in keep)] for t in chosen])
@@ -79,7 +78,7 @@ def energy_law(axes: int) -> EnergyPolynomialLaw:
 
 
 def network_law(k: int, units: int = 12, seed: int = 1, m: int = 1) -> NeuralLaw:
-    """A stable law of k axes and m inputs: units of random directions beside a quadratic form that outweighs them."""
+    """Return a stable law of k axes and m inputs: units of random directions plus a dominant quadratic form."""
     random = np.random.default_rng(seed)
     weights = random.normal(size=(units, m + k)) * np.array([*[1 / 7500] * m, *[2.0] * k])
     stiffness = 0.03 * np.eye(k) + 0.005
@@ -109,7 +108,7 @@ def states(
     axis: str = "y",
     **more: Any,
 ) -> FemDataset:
-    """Constrained states of one axis; slopes and energies not given are unknown; `check` marks scored ones."""
+    """Return constrained states of one axis; slopes and energies not given are unknown; `check` marks scored ones."""
     p, u, moment = (np.asarray(values, float) for values in (p, u, moment))
     n = len(p)
     nan = np.full(n, np.nan)
@@ -135,13 +134,13 @@ def spatial(**y: Any) -> AxesLaw:
 
 
 def with_a_box() -> AxesLaw:
-    """Axes whose boxes, degrees and continuations differ."""
+    """Return axes whose boxes, degrees and continuations differ."""
     x, _, z = spatial().laws
     return AxesLaw((x, WAVY, z))
 
 
 def points(law: JointLaw, beyond: float, n: int = 200, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Scattered p (n,), (n, m) of several, and u (n, k), up to `beyond` box widths outside.
+    """Return scattered p (n,), (n, m) of several, and u (n, k), up to `beyond` box widths outside.
 
     Limits that a law lacks are those of `BOX`.
     """
@@ -154,13 +153,13 @@ def points(law: JointLaw, beyond: float, n: int = 200, seed: int = 0) -> tuple[n
 
 
 def split(law: JointLaw, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """p (n,), or (n, m) of several, and u (n, k) of places (n, m + k)."""
+    """Return p (n,), or (n, m) of several, and u (n, k) of points (n, m + k)."""
     m = len(law.actuations)
     return at[:, 0 if m == 1 else slice(m)], at[:, m:]
 
 
 def one_by_one(law: JointLaw, p: np.ndarray, u: np.ndarray) -> Effort:
-    """`evaluate` through the plain function; what it is to fill starts as rubbish."""
+    """Call `evaluate` through the plain function; the arrays to fill start with arbitrary values."""
     scalar = law.scalar()
     assert scalar is not None
     n, a = u.shape

@@ -9,7 +9,7 @@ from tests.surrogates.laws import MAIN, SIDE, TWIST, WAVY, points, spatial, stat
 from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
-from pliant.testing.samples import softening_law, table_of
+from pliant.testing.samples import sample_table, softening_law
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
@@ -55,7 +55,7 @@ def test_the_domain_is_what_the_axes_share() -> None:
 
 
 def table() -> FemDataset:
-    return table_of(softening_law(), noise_n_m=2e-5)
+    return sample_table(softening_law(), noise_n_m=2e-5)
 
 
 def test_an_axis_is_fitted_beside_stated_ones() -> None:
@@ -76,7 +76,7 @@ def test_an_axis_is_fitted_beside_stated_ones() -> None:
     assert fitted.report.details["axes"]["y"]["degree"] == alone.report.details["degree"]
 
 
-def test_two_fitted_axes_report_the_worst_of_both() -> None:
+def test_two_fitted_axes_report_the_worst_in_both() -> None:
     made = surrogate(
         axes={"x": stated(TWIST), "y": {"data": "y.csv"}, "z": {"data": "z.csv", "max_degree": 1}}
     )
@@ -89,7 +89,7 @@ def test_two_fitted_axes_report_the_worst_of_both() -> None:
     assert of_y["rmse"] < report.rmse < of_z["rmse"]
 
 
-def test_fem_states_of_another_axis_are_not_taken() -> None:
+def test_fem_states_on_another_axis_are_not_taken() -> None:
     made = surrogate(axes={"x": stated(TWIST), "y": stated(MAIN), "z": {}})
     with pytest.raises(UserError, match="axis z: the FEM stage solves axis y only"):
         made.fit_axes({"": table()})

@@ -23,7 +23,7 @@ def with_bar(law: JointLaw) -> JointLaw:
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     p, u = points(law, 0.0, 80, seed=1)
     misses = 1e-4 * np.random.default_rng(1).standard_normal(u.shape)
-    return replace(law, error=ErrorBar.of(box, p, u, misses))  # type: ignore[type-var]
+    return replace(law, error=ErrorBar.from_residuals(box, p, u, misses))  # type: ignore[type-var]
 
 
 @pytest.mark.parametrize("law", [WAVY, energy_law(3)], ids=["polynomial", "energy"])
@@ -41,14 +41,14 @@ def test_a_drawn_law_is_the_law_plus_the_error(law: JointLaw) -> None:
         assert one.scalar() is not None and one.domain is law.domain
 
 
-def test_drawn_laws_of_two_pressures_are_as_far_off_as_the_bar_says() -> None:
+def test_drawn_laws_with_two_pressures_are_as_far_off_as_the_bar_says() -> None:
     """Over many draws the effort's deviation is the bar's at one standard deviation; each is a law of an energy."""
     law = Polynomial(PolynomialConfig(kind="polynomial")).fit_module(opposed_table()).law
     assert isinstance(law, SeveralLaw)
     box, random = law.domain.box, np.random.default_rng(6)
     at = box[:, 0] + np.ptp(box, axis=1) * random.random((60, 3))
     misses = 1e-4 * (1 + at[:, :1] / box[0, 1]) * random.choice([-1, 1], (60, 1))
-    law = replace(law, error=ErrorBar.of(box, at[:, :2], at[:, 2:], misses))
+    law = replace(law, error=ErrorBar.from_residuals(box, at[:, :2], at[:, 2:], misses))
     p, u = at[:, :2], at[:, 2:]
     drawn = law.draws(300, seed=2)
     apart = np.array([one.evaluate(p, u).tau - law.evaluate(p, u).tau for one in drawn])
@@ -61,7 +61,7 @@ def test_drawn_laws_of_two_pressures_are_as_far_off_as_the_bar_says() -> None:
     assert drawn[0].scalar() is not None
 
 
-def test_a_law_of_two_pressures_without_draws_says_which_have_some() -> None:
+def test_a_law_with_two_pressures_without_draws_says_which_have_some() -> None:
     with pytest.raises(
         UserError, match="pressure_1_pa, pressure_2_pa can be drawn .* where they are polynomials"
     ):

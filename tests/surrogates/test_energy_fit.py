@@ -1,4 +1,4 @@
-"""Whole states of three axes become one energy, or three laws apart: laws are found; the choice, bar and terms."""
+"""Whole states of three axes become one energy, or three separate laws: recovery of laws, the choice, bar and terms."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.fem import ModuleData
-from pliant.testing.samples import coupled_law, linear_spherical_law, module_table_of
+from pliant.testing.samples import coupled_law, linear_spherical_law, sample_module_table
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.energy_fit import compared, fit_apart, fit_energy
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate
@@ -22,7 +22,7 @@ Points = tuple[np.ndarray, np.ndarray]
 
 @pytest.fixture(scope="module")
 def data() -> ModuleData:
-    return module_table_of(coupled_law())
+    return sample_module_table(coupled_law())
 
 
 @pytest.fixture(scope="module")
@@ -56,20 +56,20 @@ def test_a_coupled_energy_is_found_and_the_report_says_why(fitted: FittedLaw) ->
 
 @pytest.mark.parametrize(("energies", "slopes"), [(False, True), (False, False)])
 def test_a_coupled_energy_is_found_from_less(energies: bool, slopes: bool) -> None:
-    require_found(fit_energy(module_table_of(coupled_law(), energies, slopes), 4))
+    require_found(fit_energy(sample_module_table(coupled_law(), energies, slopes), 4))
 
 
 def test_axes_that_are_not_even_are_found_too() -> None:
     """K_xy and a gain about z: the energy is odd in lateral axes."""
     law = linear_spherical_law()
-    fitted = fit_energy(module_table_of(law), 3)
+    fitted = fit_energy(sample_module_table(law), 3)
     p, u = scattered()
     assert fitted.law.evaluate(p, u).tau == pytest.approx(law.evaluate(p, u).tau, abs=1e-8)
     assert fitted.report.details["even_in_lateral_axes"] != "each"
 
 
-def test_energies_of_the_wrong_sign_would_be_noticed(data: ModuleData, fitted: FittedLaw) -> None:
-    """∂Π/∂p = −travel: with travel turned round, energies contradict efforts and the misses say so."""
+def test_energies_with_a_wrong_sign_would_be_noticed(data: ModuleData, fitted: FittedLaw) -> None:
+    """∂Π/∂p = −travel: with the sign of travel reversed, energies contradict efforts and the misses show it."""
     wrong = fit_energy(replace(data, travel=-data.travel), 4).report.details["left_out_rmse_of_range"]
     assert fitted.report.details["left_out_rmse_of_range"] < 1e-8 < 1e-3 < wrong
 
@@ -95,7 +95,7 @@ def test_the_band_covers_noisy_states_that_the_law_has_not_seen(data: ModuleData
 
 
 def test_states_that_no_smooth_energy_has_get_three_laws(data: ModuleData) -> None:
-    """Efforts of lateral states with signs at random contradict every energy; y's own states are smooth."""
+    """Efforts of lateral states with random signs contradict every energy; y's own states are smooth."""
     random = np.random.default_rng(0)
     rough = np.where(data.explored[:, None] == "coupling", 0.05 * random.standard_normal(data.tau.shape), 0.0)
     nan = np.full_like(data.dtau_du, np.nan)
@@ -107,12 +107,12 @@ def test_states_that_no_smooth_energy_has_get_three_laws(data: ModuleData) -> No
     assert fit_apart(data.rows(data.explored != "z"), 4) is None
 
 
-def test_misses_of_one_axis_are_those_of_refitting_without_the_state(data: ModuleData) -> None:
+def test_misses_on_one_axis_equal_refitting_without_the_state(data: ModuleData) -> None:
     noise = 1e-4 * np.random.default_rng(2).standard_normal(data.tau.shape)
     states = split(replace(data, tau=data.tau + noise).rows(data.explored == "y").axis("y"))
     system = System(states.fit, states.domain)
     terms = np.array([(i, j) for i in range(3) for j in range(3)])
-    posterior = CoefficientPosterior.of(system, terms)
+    posterior = CoefficientPosterior.from_system(system, terms)
     assert posterior is not None
     matrix, right, state = system.rows(terms)
     for k in (0, 4):
@@ -132,7 +132,7 @@ def test_pruning_changes_efforts_by_less_than_it_says(fitted: FittedLaw) -> None
 
 
 def test_points_in_the_box_are_the_same_beside_others_outside(fitted: FittedLaw) -> None:
-    """Side by side and one by one agree to rounding, and where a point stands changes nothing."""
+    """Batched and single evaluations agree to rounding, and the position of a point in the batch changes nothing."""
     law, (p, u) = fitted.law, scattered(130)
     assert isinstance(law, EnergyPolynomialLaw)
     inside = evaluate(p, u, law._parameters)

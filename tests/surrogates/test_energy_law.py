@@ -27,7 +27,7 @@ def test_inside_the_box_the_law_is_the_polynomial(law: EnergyPolynomialLaw) -> N
 
 
 def test_where_bowls_help_no_axis_that_is_inside_coupling_ends_sooner() -> None:
-    """x softens with y's excess: at the first reach it is unstable, whatever the bowls; half of its stiffness remains.
+    """x softens with y's excess: at the first reach it is unstable for any bowls; half of its stiffness remains.
 
     Π = ½ x² + 50 y² − 0.45 x² y² on |x| ≤ 1, 0 ≤ y ≤ 1 has ∂²Π/∂x² = 1 − 0.9 y²: negative from y = 1.05 on.
     """
@@ -44,7 +44,7 @@ def test_where_bowls_help_no_axis_that_is_inside_coupling_ends_sooner() -> None:
 
 
 def test_a_continuation_takes_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A design search makes thousands of laws: the places that are looked at are few."""
+    """A design search makes thousands of laws, so few points are evaluated."""
     seen: list[int] = []
     evaluate = energy_law_module.evaluate
 

@@ -24,14 +24,14 @@ def places(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def errors(p: np.ndarray, u: np.ndarray, seed: int) -> np.ndarray:
-    """Independent errors that are five times as large at one end of the box as at the other."""
+    """Return independent errors that are five times as large at one end of the box as at the other."""
     size = 1e-4 * (1 + 4 * p / 15e3)
     return (size * np.random.default_rng(seed).standard_normal(len(p)))[:, None]
 
 
 def bar(n: int = 40, seed: int = 0, factor: float = 1.0) -> ErrorBar:
     p, u = places(n, seed)
-    return ErrorBar.of(BOX, p, u, factor * errors(p, u, seed + 1000))
+    return ErrorBar.from_residuals(BOX, p, u, factor * errors(p, u, seed + 1000))
 
 
 def test_scores_are_sorted_and_levels_are_ordered() -> None:
@@ -53,7 +53,7 @@ def test_a_quantile_is_a_rank_between_ranks_a_line_beyond_them_a_normal_tail() -
     assert one.quantile(0.99)[0] == pytest.approx(9 * normal.inv_cdf(0.995) / normal.inv_cdf(0.95))
 
 
-def test_the_band_grows_with_every_step_out_of_the_box() -> None:
+def test_the_band_grows_with_every_step_outside_the_box() -> None:
     one = bar()
     for p, u in (
         (np.linspace(15e3, 40e3, 9), np.full(9, 0.1)),
@@ -65,13 +65,15 @@ def test_the_band_grows_with_every_step_out_of_the_box() -> None:
     assert beyond == pytest.approx(2 * at_edge)
 
 
-def test_the_band_has_the_unit_of_the_misses_and_none_of_the_box() -> None:
+def test_the_band_has_the_misses_unit_and_none_from_the_box() -> None:
     one, thrice = bar(), bar(factor=3.0)
     p, u = places(60, 5)
     np.testing.assert_allclose(thrice.half_width(p, u), 3 * one.half_width(p, u), rtol=1e-12)
     scale = np.array([1e-3, 180 / np.pi])
     p_fit, u_fit = places(40, 0)
-    other = ErrorBar.of(BOX * scale[:, None], p_fit * scale[0], u_fit * scale[1], errors(p_fit, u_fit, 1000))
+    other = ErrorBar.from_residuals(
+        BOX * scale[:, None], p_fit * scale[0], u_fit * scale[1], errors(p_fit, u_fit, 1000)
+    )
     np.testing.assert_allclose(other.half_width(p * scale[0], u * scale[1]), one.half_width(p, u), rtol=1e-10)
 
 
@@ -95,30 +97,33 @@ def test_errors_like_those_left_out_are_covered_as_stated() -> None:
     assert 0.96 < np.mean(hits[0.99]) < 1.0
 
 
-def test_states_on_the_border_may_be_left_out_of_the_ranks_but_not_of_the_sizes() -> None:
+def test_states_on_the_border_may_be_left_out_from_the_ranks_but_not_from_the_sizes() -> None:
     p, u = places(20, 0)
     p[:8] = np.repeat([0.0, 15e3], 4)
     missed = errors(p, u, 1)
     missed[:8] *= 10
-    ranks_of_all, inner = ErrorBar.of(BOX, p, u, missed), ErrorBar.of(BOX, p, u, missed, inner_scores=True)
+    ranks_of_all, inner = (
+        ErrorBar.from_residuals(BOX, p, u, missed),
+        ErrorBar.from_residuals(BOX, p, u, missed, inner_scores=True),
+    )
     assert (len(ranks_of_all.scores), len(inner.scores)) == (20, 12)
     np.testing.assert_array_equal(inner.misses, ranks_of_all.misses)
-    few = ErrorBar.of(BOX, p[:12], u[:12], missed[:12], inner_scores=True)
+    few = ErrorBar.from_residuals(BOX, p[:12], u[:12], missed[:12], inner_scores=True)
     assert len(few.scores) == 12
 
 
-def test_arrays_give_the_same_bits_and_many_points_those_of_few() -> None:
+def test_arrays_give_the_same_bits_and_many_points_equal_few() -> None:
     one = bar()
-    again = ErrorBar.of_arrays(one.arrays())
+    again = ErrorBar.from_arrays(one.arrays())
     assert again is not None
     p, u = places(10_000, 2)
     width = one.half_width(p, u)
     np.testing.assert_array_equal(again.half_width(p, u), width)
     np.testing.assert_allclose(one.half_width(p[:7], u[:7]), width[:7], rtol=1e-12)
-    assert ErrorBar.of_arrays({}) is None
+    assert ErrorBar.from_arrays({}) is None
 
 
-def test_bars_of_axes_stand_side_by_side() -> None:
+def test_axis_bars_stand_side_by_side() -> None:
     first, second = bar(seed=1), bar(seed=2, factor=10.0)
     both = BarsOfAxes((first, None, second))
     p = np.array([3e3, 16e3])
@@ -133,26 +138,23 @@ def test_bars_of_axes_stand_side_by_side() -> None:
 
 
 def bench(seed: int, n: int = 60, noise: float = 2e-4) -> FemDataset:
-    """Scattered states of a quadratic law with noise; the last 20 are to be scored."""
+    """Return scattered states of a quadratic law with noise; the last 20 are to be scored."""
     rng = np.random.default_rng(seed)
     p, u = (c.ravel() for c in places(n + 20, seed))
     moment = 1.6e-6 * p * (1 - u) - 0.03 * u - 0.05 * u**2 + noise * rng.standard_normal(n + 20)
     return states(p, u, moment, check=np.arange(n + 20) >= n)
 
 
-@pytest.mark.parametrize("form", ["adaptive", "study"])
-def test_the_bar_of_noisy_states_covers_new_ones_as_stated(form: str) -> None:
-    covered = [
-        Polynomial(PolynomialConfig(form=form, max_degree=4)).fit(bench(seed)).report.details["error_bar"]
-        for seed in range(12)
-    ]
+@pytest.mark.parametrize("config", [PolynomialConfig(max_degree=4), PolynomialConfig(form="study")])
+def test_the_bar_from_noisy_states_covers_new_ones_as_stated(config: PolynomialConfig) -> None:
+    covered = [Polynomial(config).fit(bench(seed)).report.details["error_bar"] for seed in range(12)]
     assert {row["n"] for row in covered} <= set(range(10, 21))
     assert (
         0.85 < np.average([row["covered"] for row in covered], weights=[row["n"] for row in covered]) < 0.95
     )
 
 
-def test_the_bar_of_a_fit_scales_with_the_moments() -> None:
+def test_a_fit_bar_scales_with_the_moments() -> None:
     data = bench(3)
     one = Polynomial(PolynomialConfig()).fit(data).law
     ten = Polynomial(PolynomialConfig()).fit(replace(data, moment_n_m=10 * data.moment_n_m)).law

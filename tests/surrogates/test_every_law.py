@@ -1,4 +1,4 @@
-"""What every fitted or stated law is: an energy's gradient, smooth across its box, its plain function, its record."""
+"""Properties of every law: an energy's gradient, smooth across its box, its plain function, its record."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from pliant.errors import UserError
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import JointLaw, LawRecord
 from pliant.store.codec import decode, encode
-from pliant.testing.samples import opposed_table, softening_law, table_of
+from pliant.testing.samples import opposed_table, sample_table, softening_law
 from pliant_plugins.physics.compiled.laws import law_address
 from pliant_plugins.surrogates.config import NeuralConfig, PolynomialConfig, TableConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.table.surrogate import TableSurrogate
 
-# Laws by name, made when a test asks for them.
+# Laws by name, made when a test uses them.
 STABLE: dict[str, Callable[[], JointLaw]] = {
     "wavy": lambda: WAVY,
     "even": lambda: replace(WAVY, odd=0.0),
     "stated": lambda: STATED["stated"],
-    "table": lambda: TableSurrogate(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
+    "table": lambda: TableSurrogate(TableConfig()).fit(sample_table(softening_law(), noise_n_m=2e-5)).law,
     "table of two inputs": lambda: TableSurrogate(TableConfig()).fit_module(opposed_table()).law,
     **{f"energy {k}": partial(energy_law, k) for k in AXES},
     **{f"network {k}": partial(network_law, k) for k in AXES},
@@ -74,7 +74,7 @@ def law(request: pytest.FixtureRequest) -> JointLaw:
 
 @every_law
 @pytest.mark.parametrize("beyond", [0.0, 0.15, 2.0])
-def test_efforts_and_slopes_are_derivatives_of_one_potential(law: JointLaw, beyond: float) -> None:
+def test_efforts_and_slopes_are_derivatives_from_one_potential(law: JointLaw, beyond: float) -> None:
     p, u = points(law, beyond)
     effort, h, dp = law.evaluate(p, u), 1e-5, 0.05
     k = len(law.axes)
@@ -98,7 +98,7 @@ def test_efforts_and_slopes_are_derivatives_of_one_potential(law: JointLaw, beyo
 
 
 @every_law
-def test_efforts_and_slopes_are_continuous_across_every_side_of_the_box(law: JointLaw) -> None:
+def test_efforts_and_slopes_are_continuous_across_every_box_side(law: JointLaw) -> None:
     """C¹: on both sides of a face, other coordinates inside and outside, τ and all slopes agree."""
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     for side, limits in enumerate(box):
@@ -111,9 +111,7 @@ def test_efforts_and_slopes_are_continuous_across_every_side_of_the_box(law: Joi
 
 @stable_law
 @pytest.mark.parametrize("beyond", [0.05, 0.2, 1.0, 20.0])
-def test_a_stable_law_keeps_a_fifth_of_its_stiffness_however_far_outside(
-    law: JointLaw, beyond: float
-) -> None:
+def test_a_stable_law_keeps_a_fifth_as_stiffness_however_far_outside(law: JointLaw, beyond: float) -> None:
     inside = np.linalg.eigvalsh(-law.evaluate(*points(law, 0.0, 2000)).dtau_du).min()
     assert inside > 0
     assert np.linalg.eigvalsh(-law.evaluate(*points(law, beyond, 2000)).dtau_du).min() > 0.2 * inside
@@ -157,7 +155,9 @@ def test_a_record_gives_the_same_bits_through_json(law: JointLaw) -> None:
     if law.error is None and law.joint == "revolute" and np.isfinite(law.domain.deformation).all():
         box = np.vstack([law.domain.actuation, law.domain.deformation])
         p, u = points(law, 0.0, 12)
-        law = replace(law, error=ErrorBar.of(box, p, u, np.random.default_rng(0).normal(0, 1e-5, u.shape)))  # type: ignore[type-var]
+        law = replace(
+            law, error=ErrorBar.from_residuals(box, p, u, np.random.default_rng(0).normal(0, 1e-5, u.shape))
+        )  # type: ignore[type-var]
     arrays: dict[str, np.ndarray] = {}
     text = json.dumps(encode(law.record(), arrays))
     record = decode(json.loads(text), arrays)
@@ -174,11 +174,11 @@ def test_a_record_gives_the_same_bits_through_json(law: JointLaw) -> None:
 
 
 @pytest.mark.parametrize("kind", LOADERS)
-def test_a_record_of_another_kind_is_refused(kind: str) -> None:
+def test_another_record_kind_is_refused(kind: str) -> None:
     with pytest.raises(UserError, match="cannot read a law of kind 'another'"):
         LOADERS[kind].load(LawRecord("another", {}, {}))
 
 
-def test_laws_of_one_form_share_their_function() -> None:
+def test_laws_with_one_form_share_their_function() -> None:
     functions = {law.scalar().function for law in map(made, LAWS) if law.record().kind == "polynomial"}  # type: ignore[union-attr]
     assert len(functions) == 2  # of polynomials and of energies

@@ -1,4 +1,4 @@
-"""Laws from FEM data of several axes, and of states that are let pass through each other."""
+"""Laws from FEM data of several axes, and of states of bodies that may penetrate each other."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 
 def data(axis: str, p: Array, u: Array, stiffness: float = 1.0, gain: float = 0.0) -> FemDataset:
-    """τ = g p − s (1 + 0.3 p) u with its slopes; the last state is left out of the fit."""
+    """Return τ = g p − s (1 + 0.3 p) u with its slopes; the last state is left out of the fit."""
     tau = gain * p - stiffness * (1 + 0.3 * p) * u
     check = np.arange(len(p)) == len(p) - 1
     slopes = (gain - 0.3 * stiffness * u, -stiffness * (1 + 0.3 * p))
@@ -28,7 +28,7 @@ ANGLE = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0, 0.0, -0.5, 0.5, 0.9
 
 
 def test_corners_that_are_never_left_out_count() -> None:
-    """Three levels each way and a product p·u: the folds, inner levels, do not see it."""
+    """Three levels each way and a product p·u: the folds, inner levels, do not contain it."""
     fitted = Polynomial(PolynomialConfig()).fit(data("z", CROSS, ANGLE))
     assert fitted.report.worst_of_range < 1e-6
 

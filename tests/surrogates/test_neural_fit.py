@@ -1,4 +1,4 @@
-"""Training: known laws are found, FEM states are met, check states are not seen; several axes; wrong input."""
+"""Training: known laws are recovered, FEM states are fitted, check states are not used; several axes; wrong input."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import cast
 import numpy as np
 import pytest
 
+from pliant.fem_tables.reading import read_table
 from pliant.interfaces.surrogate import FittedLaw
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.registry.discovery import Registry
 from pliant.store.store import ArtifactStore, Recipe
-from pliant.tabular.fem_reading import read_table
-from pliant.testing.samples import coupled_law, module_table_of, softening_law, table_of
+from pliant.testing.samples import coupled_law, sample_module_table, sample_table, softening_law
 from pliant_plugins.manifest import pliant_components
 from pliant_plugins.surrogates.config import NeuralConfig
 
@@ -29,7 +29,7 @@ UNITS = 12
 
 @pytest.fixture(scope="module")
 def fitted() -> FittedLaw:
-    """The law of a shipped table."""
+    """Return the law of a shipped table."""
     return Neural(NeuralConfig(units=UNITS)).fit(read_table(TABLE))
 
 
@@ -57,9 +57,9 @@ def test_jacobian_is_the_residuals_derivative(k: int, m: int) -> None:
         h[:, j] = step
         wanted = (system.residual(theta + h) - system.residual(theta - h)).numpy() / (2 * step)
         np.testing.assert_allclose(jacobian[:, :, j], wanted, atol=1e-7)
-    # one of several networks is what it is alone
+    # one of several networks is the same as alone
     np.testing.assert_array_equal(system.jacobian(theta[1:], [1]), jacobian[1:])
-    # the networks in SI give what the residuals say, and one does not see what is left out
+    # the networks in SI give the residuals, and one does not use what is left out
     for network, of_network, in_sight in zip(theta, system.residual(theta).numpy(), seen, strict=True):
         tau, gains, _ = system.network(network).efforts(states.points)
         missed = (tau - states.tau) / scales.ranges
@@ -76,7 +76,7 @@ def test_jacobian_is_the_residuals_derivative(k: int, m: int) -> None:
             np.testing.assert_allclose(gains, (ahead - back) / 2e-3, rtol=1e-4, atol=1e-9)
 
 
-def test_states_left_out_of_fem_are_met(fitted: FittedLaw) -> None:
+def test_states_left_out_from_fem_are_met(fitted: FittedLaw) -> None:
     report = fitted.report
     assert report.worst_of_range < 5e-3
     assert report.worst_of_range < report.details["study_form"]["worst_of_range"] / 1.5
@@ -108,9 +108,9 @@ def test_band_is_small_among_states_and_wide_outside(fitted: FittedLaw) -> None:
 
 
 def test_scatter_is_not_learned() -> None:
-    """States without slopes and with scatter: the law is nearer to the truth than the states are."""
+    """For states without slopes and with scatter the law is nearer to the truth than the states are."""
     scatter = 4e-4
-    data = table_of(softening_law(), noise_n_m=scatter, pressures=8, angles=9)
+    data = sample_table(softening_law(), noise_n_m=scatter, pressures=8, angles=9)
     blank = np.full(len(data), np.nan)
     data = replace(data, dmoment_dp=blank, dmoment_du=blank)
     law = Neural(NeuralConfig(units=UNITS)).fit(data).law
@@ -122,7 +122,7 @@ def test_scatter_is_not_learned() -> None:
 
 @pytest.mark.slow
 def test_three_coupled_axes() -> None:
-    data = module_table_of(coupled_law())
+    data = sample_module_table(coupled_law())
     found = Neural(NeuralConfig(units=UNITS)).fit_module(data)
     law, check = found.law, data.role == "check"
     missed = law.evaluate(data.actuation, data.deformation).tau - data.tau
@@ -148,12 +148,12 @@ def test_three_coupled_axes() -> None:
 def test_training_leaves_torch_as_it_was() -> None:
     torch.manual_seed(5)
     state, threads = torch.random.get_rng_state(), torch.get_num_threads()
-    Neural(NeuralConfig(units=4)).fit(table_of(softening_law(), pressures=3, angles=4))
+    Neural(NeuralConfig(units=4)).fit(sample_table(softening_law(), pressures=3, angles=4))
     assert torch.equal(torch.random.get_rng_state(), state)
     assert torch.get_num_threads() == threads
 
 
-def test_torch_counts_in_the_key_of_a_fit() -> None:
+def test_torch_counts_in_the_fit_key() -> None:
     component = next(c for c in pliant_components() if (c.interface, c.kind) == ("surrogate", "neural"))
     asked: list[Recipe] = []
 
@@ -161,6 +161,6 @@ def test_torch_counts_in_the_key_of_a_fit() -> None:
         def make(self, recipe: Recipe, *others: object) -> None:
             asked.append(recipe)
 
-    bench = Workbench(Registry((component,)), cast(ArtifactStore, Store()))
+    bench = RunContext(Registry((component,)), cast(ArtifactStore, Store()))
     bench.make("fit", lambda _: None, components=[component], modules=[], config={}, inputs={})
     assert asked[0].libraries["torch"] == version("torch")

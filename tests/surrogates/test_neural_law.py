@@ -1,4 +1,4 @@
-"""The law of a network: derivatives, energy, symmetry, what it does outside its box, its compiled form."""
+"""The law of a network: derivatives, energy, symmetry, its continuation outside its box, its compiled form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pliant_plugins.surrogates.neural.network import Network
 
 
 def test_a_law_that_softens_with_pressure_keeps_its_stiffness() -> None:
-    """A unit that grows soft with p: the bare network would turn unstable outside the box."""
+    """A unit softens with p: the bare network would become unstable outside the box."""
     network = Network(
         np.array([[1 / 1.5e4, 4.0], [1 / 1.5e4, -4.0]]), np.array([-2.0, -2.0]), np.array([-1.3e-3, -1.3e-3]),
         np.zeros(1), np.array([1e-6]), np.array([[0.04]]),
@@ -42,7 +42,7 @@ def test_without_torch_laws_are_loaded_and_a_fit_names_the_install_command() -> 
         "from pliant_plugins.surrogates.neural.law import NeuralLaw\n"
         "from pliant.records.law import Domain\n"
         "from pliant.errors import MissingDependencyError\n"
-        "from pliant.testing.samples import softening_law, table_of\n"
+        "from pliant.testing.samples import softening_law, sample_table\n"
         "net = Network(np.ones((3, 2)), np.ones(3), 1e-3 * np.ones(3), np.ones(1), np.ones(1), np.eye(1))\n"
         "law = NeuralLaw(net, Domain(np.array([0.0, 1.0]), np.array([[-1.0, 1.0]])))\n"
         "pick = [c for c in pliant_components() if (c.interface, c.kind) == ('surrogate', 'neural')]\n"
@@ -52,7 +52,7 @@ def test_without_torch_laws_are_loaded_and_a_fit_names_the_install_command() -> 
         "assert again.scalar() is not None\n"
         "assert pick[0].missing() is None and pick[0].missing(lazy=True) == 'torch'\n"
         "try:\n"
-        "    neural.fit(table_of(softening_law()))\n"
+        "    neural.fit(sample_table(softening_law()))\n"
         "except MissingDependencyError as error:\n"
         "    assert \"pip install 'pliant[neural]'\" in str(error), error\n"
         "else:\n"

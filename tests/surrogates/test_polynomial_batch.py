@@ -1,4 +1,4 @@
-"""The compiled polynomial law: the same bits however points are grouped, any shape of coefficients, any memory."""
+"""The compiled polynomial law: the same bits for any grouping of points, any shape of coefficients, any memory."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def test_it_is_the_law_in_numpy(name: str) -> None:
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 1), (3, 4), (4, 3), (10, 10), (2, 7)])
 @pytest.mark.parametrize("corner", [False, True])
-def test_rows_of_every_length(shape: tuple[int, int], corner: bool) -> None:
-    """A triangle of coefficients skips zeros at the end of its rows; a row may have none left."""
+def test_rows_with_every_length(shape: tuple[int, int], corner: bool) -> None:
+    """A triangle of coefficients skips zeros at the end of its rows; a row may be empty."""
     table = np.random.default_rng(shape).normal(size=shape)
     if corner:
         i, j = np.indices(shape)
@@ -87,8 +87,8 @@ def test_what_is_not_a_number_stays_so_and_spoils_no_other_point() -> None:
     np.testing.assert_array_equal(tau[others], wanted[others, 0])
 
 
-def test_compiled_functions_call_none_of_other_files() -> None:
-    """numba's cache on disk sees changes of a function's own file only."""
+def test_compiled_functions_call_none_in_other_files() -> None:
+    """numba's cache on disk detects changes of a function's own file only."""
     called = [value for value in vars(kernel).values() if isinstance(value, CPUDispatcher)]
     assert called
     assert all(function.py_func.__module__ == kernel.__name__ for function in called)

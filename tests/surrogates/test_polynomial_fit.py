@@ -19,7 +19,7 @@ REFERENCE = Path(__file__).parents[2] / ".." / "shared" / "data" / "reference"
 
 
 def module(p, u):
-    """A smooth module that is no polynomial: τ and its slopes."""
+    """Return a smooth module that is no polynomial: τ and its slopes."""
     q = p / 15e3
     tau = 0.024 * q * (1 + 0.15 * q) * np.exp(-1.2 * u) - 0.012 * np.sinh(2.5 * u) / (1 + 0.3 * q)
     by_p = (0.024 * (1 + 0.3 * q) * np.exp(-1.2 * u) + 0.0036 * np.sinh(2.5 * u) / (1 + 0.3 * q) ** 2) / 15e3
@@ -28,7 +28,7 @@ def module(p, u):
 
 
 def grid(n_p: int, n_u: int):
-    """Chebyshev–Lobatto levels of pressure and angle, and 40 states between them to score."""
+    """Return Chebyshev–Lobatto levels of pressure and angle, and 40 states between them to score."""
     levels = [(1 - np.cos(np.pi * np.arange(n) / (n - 1))) / 2 for n in (n_p, n_u)]
     p, u = (values.ravel() for values in np.meshgrid(15e3 * levels[0], -0.2 + 0.65 * levels[1]))
     rng = np.random.default_rng(1)
@@ -71,7 +71,7 @@ def test_a_fem_like_data_set_is_fitted_to_a_hundred_thousandth() -> None:
     assert (report.n_fitted, report.n_heldout) == (42, 40)
 
 
-def test_on_few_states_slopes_are_worth_a_factor_of_ten() -> None:
+def test_on_few_states_slopes_are_worth_a_factor_ten() -> None:
     with_slopes, values_only = (fit(fem_like(3, 4, slopes)).report.rmse for slopes in (True, False))
     assert with_slopes < values_only / 10
 
@@ -97,7 +97,7 @@ def test_noise_is_not_fitted() -> None:
 
 
 def test_the_cross_validated_error_is_honest_on_a_grid() -> None:
-    """With single states left out it is 4e-10 of the range here: rows and columns give them away."""
+    """With single states left out it is 4e-10 of the range here: rows and columns reveal them."""
     p, u = (values.ravel() for values in np.meshgrid(np.linspace(0, 15e3, 8), np.linspace(-0.2, 0.45, 9)))
     rng = np.random.default_rng(1)
     check = np.arange(len(p) + 40) >= len(p)
@@ -108,7 +108,7 @@ def test_the_cross_validated_error_is_honest_on_a_grid() -> None:
 
 
 def coupled(p, u):
-    """A bench's law: gain and stiffness change with each other, and the module stiffens."""
+    """Return a bench's law: gain and stiffness affect each other, and the module stiffens."""
     return 1.6e-6 * p - 1.7e-6 * p * u - 0.0245 * u - 0.05 * u**2 + 0.03 * u**3
 
 
@@ -128,7 +128,7 @@ def test_two_angles_are_enough_for_a_law_that_is_linear_in_angle() -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_pressures_that_a_bench_meets_nearly_are_still_two_levels(seed: int) -> None:
-    """Without data between, no term may bend the law there on the word of the scatter."""
+    """Without data between the levels, no term may bend the law there because of the scatter."""
     random = np.random.default_rng(seed)
     p = np.repeat([0.0, 15e3], 8) + random.normal(size=16) * 50
     u = np.tile(np.linspace(-0.1, 0.4, 8), 2) + random.normal(size=16) * 1e-3
@@ -189,7 +189,7 @@ def test_self_contact_ends_the_domain_and_fills_its_corners() -> None:
 
 
 def test_a_box_with_empty_corners_gets_a_stable_law() -> None:
-    """Pressure ramps of a bench: no state at low pressure and large angle, where high degrees swing."""
+    """Pressure ramps of a bench have no state at low pressure and large angle, where high degrees oscillate."""
     rng = np.random.default_rng(0)
     p = rng.uniform(0, 15e3, 200)
     u = 0.45 * p / 15e3 * rng.uniform(0.6, 1.0, 200)
@@ -321,7 +321,7 @@ LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.02
         ({"form": "study", "coefficients": LAW, "domain": {"deformation": ["0 mm", "5 mm"]}}, "5 mm"),
     ],
 )
-def test_contradictory_configs_are_refused_by_the_name_of_the_key(config: dict, names: str) -> None:
+def test_contradictory_configs_are_refused_by_the_key_name(config: dict, names: str) -> None:
     with pytest.raises(ValidationError) as caught:
         PolynomialConfig.model_validate(config)
     text = " ".join(f"{'.'.join(map(str, e['loc']))} {e['msg']}" for e in caught.value.errors())
@@ -347,7 +347,7 @@ def test_a_stated_law_has_its_stated_domain_in_any_unit_and_a_fitted_one_is_not_
 
 
 def published(name: str, forward_only: bool = False, unseen: bool = False) -> FemDataset:
-    """Published states. Unless `unseen`, all are fitted and scored, as for the figures quoted."""
+    """Return published states. Unless `unseen`, all are fitted and scored, as for the figures quoted."""
     path = REFERENCE / name
     if not path.exists():
         pytest.skip(f"the study's data are not here: {path.resolve()}")

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from tests.surrogates.laws import BOX, WAVY, WORKED, points
 
 from pliant.records.law import Domain, JointLaw
-from pliant_plugins.surrogates.polynomial.law import largest_slope
-from pliant_plugins.surrogates.polynomial.study import study_law
+from pliant_plugins.surrogates.polynomial.law import largest_slope, study_law
 
 
 def tau(law: JointLaw, p: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -26,14 +25,14 @@ def test_inside_it_is_the_polynomial() -> None:
     np.testing.assert_allclose(tau(law, p, u), expected, rtol=1e-12, atol=1e-16)
 
 
-def test_the_potential_is_the_integral_of_the_effort_where_quadrature_is_exact() -> None:
+def test_the_potential_is_the_integral_over_the_effort_where_quadrature_is_exact() -> None:
     law = replace(WAVY, odd=0.0)
     p, u = points(WAVY, 0.0, 100)
     np.testing.assert_allclose(law.potential(p, u), JointLaw.potential(law, p, u), rtol=1e-9, atol=1e-15)
 
 
-def test_a_loop_in_pressure_and_angle_gives_the_work_of_the_actuation() -> None:
-    """A rectangle in (p, u) does net work: the actuation's. A law without that cannot lift anything."""
+def test_a_loop_in_pressure_and_angle_gives_the_actuation_work() -> None:
+    """A rectangle in (p, u) does net work, that of the actuation; a law without it cannot lift anything."""
     law = WAVY
     high, low = (law.potential(np.array([p, p]), np.array([[0.0], [0.3]])) for p in (12e3, 2e3))
     assert (low[1] - low[0]) - (high[1] - high[0]) > 1e-3
@@ -49,7 +48,7 @@ def test_stable_on_the_border_means_stable_everywhere_outside(p: float, u: float
     assert slope <= 0.45 * border
 
 
-def test_worked_number_of_the_contracts() -> None:
+def test_worked_number_in_the_contracts() -> None:
     law = study_law(WORKED, True, Domain.unbounded(1))
     assert abs(tau(law, np.array([15e3]), np.array([[0.359718]]))[0]) < 1e-7
     p, u = np.array([8e3, 8e3]), np.array([[0.2], [-0.2]])
@@ -58,7 +57,7 @@ def test_worked_number_of_the_contracts() -> None:
     np.testing.assert_allclose(tau(law, p, u), [by_hand, mirrored], rtol=1e-13)
 
 
-def test_only_the_difference_of_b_a_and_b_e_acts() -> None:
+def test_only_the_difference_between_b_a_and_b_e_acts() -> None:
     shifted = WORKED.model_copy(update={"b_a": 0.01, "b_e": 0.0345})
     p, u = points(WAVY, 0.6)
     laws = [study_law(coefficients, True, BOX) for coefficients in (WORKED, shifted)]

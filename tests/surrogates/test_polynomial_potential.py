@@ -1,4 +1,4 @@
-"""Energies and travels of the states beside efforts and slopes: τ = −∂Π/∂u and −∂Π/∂p of one Π."""
+"""Energies and travels of the states in addition to efforts and slopes: τ = −∂Π/∂u and −∂Π/∂p of one Π."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from tests.surrogates.laws import BOX, states
 
-from pliant.pipeline.residuals import module_of
+from pliant.pipeline.residuals import as_module_data
 from pliant.records.fem import FemDataset
 from pliant_plugins.surrogates.config import PolynomialConfig
-from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior, all_terms, prior_of, solve
+from pliant_plugins.surrogates.polynomial.posterior import CoefficientPosterior, all_terms, fit_prior, solve
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System
 
@@ -24,7 +24,7 @@ def table(p, u, potential, tau, slopes, travel, check: int = 0) -> FemDataset:
 
 
 def polynomial_module() -> FemDataset:
-    """Π = (3 u² + u³ + q u² − 2 q u − q² u + q³ + q/2) mJ with q = p / 15 kPa."""
+    """Return Π = (3 u² + u³ + q u² − 2 q u − q² u + q³ + q/2) mJ with q = p / 15 kPa."""
     rng = np.random.default_rng(3)
     q, u = rng.random(12), rng.uniform(-0.2, 0.45, 12)
     q[:4], u[:4] = [0, 0, 1, 1], [-0.2, 0.45, -0.2, 0.45]
@@ -40,7 +40,7 @@ def polynomial_module() -> FemDataset:
 
 
 def smooth_module(states: int, seed: int) -> FemDataset:
-    """A module that is no polynomial, at its box's corners and scattered inside; 60 states to check."""
+    """Return a module that is no polynomial, at its box's corners and scattered inside; 60 states to check."""
     rng = np.random.default_rng(seed)
     q, u = rng.random(states + 60), rng.uniform(-0.2, 0.45, states + 60)
     q[:4], u[:4] = [0, 0, 1, 1], [-0.2, 0.45, -0.2, 0.45]
@@ -57,7 +57,7 @@ def fitted(data: FemDataset):
     return Polynomial(PolynomialConfig()).fit(data)
 
 
-def test_rows_are_the_derivatives_of_one_potential() -> None:
+def test_rows_are_the_derivatives_from_one_potential() -> None:
     data = polynomial_module()
     system, terms = System(data, BOX), all_terms(3, potential=True)
     matrix, right, state = system.rows(terms)
@@ -72,7 +72,7 @@ def test_rows_are_the_derivatives_of_one_potential() -> None:
 
 def test_terms_without_effort_bear_none() -> None:
     system, terms = System(polynomial_module(), BOX), all_terms(3, potential=True)
-    posterior = CoefficientPosterior.of(system, terms, prior_of(system, terms))
+    posterior = CoefficientPosterior.from_system(system, terms, fit_prior(system, terms))
     assert posterior is not None and posterior.potential
     alone = terms[:, 1] < 0
     x, v = np.array([0.3, -0.8]), np.array([-0.1, 0.9])
@@ -89,15 +89,15 @@ def test_without_these_terms_energies_and_travels_change_no_row() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_energies_and_travels_halve_the_error_of_few_states_at_least(seed: int) -> None:
+def test_energies_and_travels_at_least_halve_the_error_with_few_states(seed: int) -> None:
     data = smooth_module(8, seed)
     with_them, without = fitted(data).report, fitted(replace(data, travel=None)).report
     assert with_them.details["potential"] and not without.details["potential"]
     assert with_them.rmse < 0.5 * without.rmse
 
 
-def test_energies_of_another_model_are_not_believed() -> None:
-    """A quarter of the module was meshed, say, and its energies were not multiplied by four."""
+def test_energies_from_another_model_are_not_believed() -> None:
+    """For example, a quarter of the module was meshed and its energies were not multiplied by four."""
     data = smooth_module(14, 4)
     blank = fitted(replace(data, travel=None))
     wrong = fitted(replace(data, energy_j=data.energy_j / 4, travel=data.travel / 4))  # type: ignore[operator]
@@ -118,9 +118,9 @@ def test_states_that_do_not_know_them_are_fitted_by_what_they_know() -> None:
     )
 
 
-def test_data_of_an_axis_keep_the_travel() -> None:
+def test_data_on_an_axis_keep_the_travel() -> None:
     data = smooth_module(10, 6)
-    module = replace(module_of(data), travel=data.travel)
+    module = replace(as_module_data(data), travel=data.travel)
     axis = module.axis("y")
     assert np.array_equal(axis.travel, data.travel)  # type: ignore[arg-type]
     kept = axis.rows(data.role == "check").travel

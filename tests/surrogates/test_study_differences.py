@@ -1,4 +1,4 @@
-"""The study's procedure: coefficients from finite differences of energies and moments."""
+"""The published procedure: coefficients from finite differences of energies and moments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TRUE = StudyCoefficients(k_n=1.6e-6, m_a=-1.7e-6, b_a=-0.002, m_e=0.1, b_e=0.025
 
 
 def states(angles: int = 9, odd: bool = False, pressures: int = 4, from_zero: bool = False) -> FemDataset:
-    """A module whose elastic energy and actuation are exactly what the study assumes, with U(p, 0) unlike zero."""
+    """Return a module with exactly the published form of elastic energy and actuation, with U(p, 0) not zero."""
     low = 0.02 if from_zero else -0.2
     p, u = (c.ravel() for c in np.meshgrid(np.linspace(0, 15e3, pressures), np.linspace(low, 0.45, angles)))
     k = TRUE
@@ -30,8 +30,8 @@ def states(angles: int = 9, odd: bool = False, pressures: int = 4, from_zero: bo
     return dataset(p, u, tau, check=check, energy_j=energy)
 
 
-def test_fine_levels_give_the_coefficients_that_the_states_were_made_of() -> None:
-    """Cubic energies have exact second differences on even steps; moments at u = 0 are read between states."""
+def test_fine_levels_recover_the_coefficients_behind_the_states() -> None:
+    """Cubic energies have exact second differences on even steps; moments at u = 0 are interpolated between states."""
     found = fit_differences(states(601))
     for name in ("k_n", "m_a", "b_a", "m_e", "b_e"):
         assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=2e-3), name
@@ -53,7 +53,7 @@ def test_odd_takes_the_stiffness_for_the_same_on_both_sides() -> None:
     assert found.b_e == pytest.approx(TRUE.b_e, rel=5e-3)
 
 
-def test_order_and_scattered_copies_of_states_do_not_matter() -> None:
+def test_order_and_scattered_state_copies_do_not_matter() -> None:
     data = states(9)
     order = np.random.default_rng(1).permutation(len(data))
     shuffled = replace(data, **{c: getattr(data, c)[order] for c in ("actuation", "angle_rad", "moment_n_m")})

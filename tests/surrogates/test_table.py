@@ -1,4 +1,4 @@
-"""The table surrogate: it reproduces what it can know, smooths what scatters, falls, and is an energy's gradient."""
+"""The table surrogate: it reproduces its data, smooths scatter, decreases, and is an energy's gradient."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from tests.surrogates.laws import states
 
-from pliant.tabular.fem_reading import read_table
-from pliant.tabular.fem_writing import write_table
-from pliant.testing.samples import softening_law, table_of
+from pliant.fem_tables.reading import read_table
+from pliant.fem_tables.writing import write_table
+from pliant.testing.samples import sample_table, softening_law
 from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.table import spline
@@ -25,9 +25,9 @@ def table() -> TableSurrogate:
 
 
 def scattered(n: int, noise: float = 0.0, seed: int = 0):
-    """States at random places of a softening law, without slopes."""
+    """Return states at random positions of a softening law, without slopes."""
     random = np.random.default_rng(seed)
-    data = table_of(softening_law())
+    data = sample_table(softening_law())
     p = random.uniform(0, data.actuation.max(), n)
     u = random.uniform(data.angle_rad.min(), data.angle_rad.max(), n)
     tau = softening_law().evaluate(p, u[:, None]).tau[:, 0]
@@ -35,7 +35,7 @@ def scattered(n: int, noise: float = 0.0, seed: int = 0):
 
 
 def points(law: TableLaw, n: int = 400, reach: float = 0.0):
-    """Places in the box, or up to `reach` half-boxes outside."""
+    """Return points in the box, or up to `reach` half-boxes outside."""
     box = np.concatenate([law.domain.actuation[None], law.domain.deformation])
     x = RANDOM.uniform(-1 - reach, 1 + reach, (n, 2))
     place = box.mean(axis=1) + x * np.ptp(box, axis=1) / 2
@@ -63,7 +63,7 @@ def test_a_law_without_noise_is_reproduced_between_its_states() -> None:
 
 
 def test_slopes_make_the_law_better_than_values_alone() -> None:
-    data = table_of(softening_law(), pressures=4, angles=4)
+    data = sample_table(softening_law(), pressures=4, angles=4)
     blank = np.full(len(data), np.nan)
     with_slopes = table().fit(data).law
     without = table().fit(replace(data, dmoment_dp=blank, dmoment_du=blank)).law
@@ -78,11 +78,11 @@ def test_noise_is_smoothed_and_widens_the_band() -> None:
     p, u = points(quiet)
     wanted = softening_law().evaluate(p, u).tau
     rms = np.sqrt(np.mean((noisy.evaluate(p, u).tau - wanted) ** 2))
-    assert rms < 0.015 * np.ptp(wanted)  # half of the noise that went in
+    assert rms < 0.015 * np.ptp(wanted)  # half of the noise in the data
     assert np.median(noisy.band(p, u)) > 5 * np.median(quiet.band(p, u))
 
 
-def test_the_band_holds_what_it_says_of_noisy_states() -> None:
+def test_the_band_covers_noisy_states_as_stated() -> None:
     law = table().fit(scattered(200, 0.03)).law
     fresh = scattered(2000, 0.03, seed=9)
     inside = np.all(law.domain.excess(fresh.actuation, fresh.angle_rad[:, None]) == 0, axis=1)
@@ -112,7 +112,7 @@ def test_three_tables_make_a_spherical_joint(tmp_path: Path) -> None:
     paths = {}
     for axis in "xyz":
         paths[axis] = tmp_path / f"{axis}.csv"
-        write_table(replace(table_of(softening_law()), axis=axis), paths[axis])
+        write_table(replace(sample_table(softening_law()), axis=axis), paths[axis])
     surrogate = TableSurrogate(
         TableConfig.model_validate({"axes": {a: {"data": p} for a, p in paths.items()}})
     )

@@ -28,7 +28,7 @@ def built(interface: str, kind: str, **settings: Any) -> Any:
 
 @pytest.fixture(scope="session")
 def finger() -> ChainModel:
-    """Rigid base, six modules with the law of docs/conventions.md, closed end."""
+    """Return a rigid base, six modules with the law of docs/conventions.md, and a closed end."""
     law = built("surrogate", "polynomial").stated()
     module = family_module(law, built("family", "bellow_bending"), 1150.0)
     segments = [

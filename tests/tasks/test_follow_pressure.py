@@ -1,4 +1,4 @@
-"""Motion in time against closed forms: an oscillator, a dashpot, a beam; the numbers of a motion against known ones."""
+"""Motion in time against closed forms: an oscillator, a dashpot, a beam; the metrics of a motion against known ones."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def own_dynamics(timestep_s: float) -> Mujoco:
     return Mujoco(MujocoConfig(timestep_s=timestep_s, joint_damping=0.0, drag_1_s=0.0))
 
 
-def test_frequencies_go_to_those_of_a_beam_in_second_order() -> None:
+def test_frequencies_converge_to_the_beam_in_second_order() -> None:
     missed = np.array([frequencies_hz(n) / BEAM_HZ - 1.0 for n in (8, 16, 32)])
     order = np.log2(missed[:-1] / missed[1:])
     print(f"32 modules miss the beam's frequencies by {100 * missed[-1]} %, order of convergence {order[-1]}")
@@ -44,7 +44,7 @@ def test_frequencies_go_to_those_of_a_beam_in_second_order() -> None:
 
 @pytest.mark.slow
 def test_a_released_chain_swings_with_the_beam_s_frequencies() -> None:
-    """In MuJoCo, from the bend of a pressure; both modes within 1 % of the beam."""
+    """MuJoCo releases the chain from the bend of a pressure; both modes are within 1 % of the beam."""
     released = perform(
         beam(32), own_dynamics(5e-4), pressure="100 Pa", waveform="release", duration="4 s", record="4 ms"
     ).metrics
@@ -54,7 +54,7 @@ def test_a_released_chain_swings_with_the_beam_s_frequencies() -> None:
 
 
 def test_a_dashpot_answers_a_step_as_an_exponential() -> None:
-    """No inertia: the bend goes as 1 − exp(−t/T), so from 10 to 90 % in T ln 9 and to 95 % in T ln 20."""
+    """Without inertia the bend is 1 − exp(−t/T), so it takes T ln 9 from 10 to 90 % and T ln 20 to 95 %."""
     damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
     numbers = perform(beam(3), STILL, damper, duration="2 s", record="5 ms").metrics
     assert numbers["rise_time_s"] == pytest.approx(0.2 * np.log(9), rel=0.03)
@@ -62,7 +62,7 @@ def test_a_dashpot_answers_a_step_as_an_exponential() -> None:
     assert numbers["overshoot_share"] < 1e-3 and "mode_1_frequency_hz" not in numbers
 
 
-def test_a_dashpot_lags_a_sine_as_a_filter_of_first_order() -> None:
+def test_a_dashpot_lags_a_sine_as_a_first_order_filter() -> None:
     damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
     sine = {"waveform": "sine", "period": "1 s", "duration": "4 s", "record": "10 ms"}
     numbers = perform(beam(3), STILL, damper, **sine).metrics
@@ -82,7 +82,7 @@ def test_a_chain_without_memory_follows_at_once() -> None:
 
 @pytest.mark.slow
 def test_the_task_moves_as_the_evidence_loop_s_histories_do() -> None:
-    """The same pressures with a dashpot: through the task's simulation, and through `follow`, which compares."""
+    """Pressures with a dashpot are followed by the task's simulation and by `follow`, used for comparisons."""
     damper = ViscousDamping(ViscousDampingConfig(time_s=0.2))
     rise = {
         "waveform": "table",
@@ -93,13 +93,13 @@ def test_the_task_moves_as_the_evidence_loop_s_histories_do() -> None:
     }
     result = perform(beam(3), STILL, damper, **rise)
     assert result.rollout is not None
-    history = History.of({"pressure_pa": result.rollout.actuation[:, 0]}, result.rollout.time_s)
+    history = History.from_arrays({"pressure_pa": result.rollout.actuation[:, 0]}, result.rollout.time_s)
     ((followed,), _) = STILL.follow(damper.apply(Model(beam(3))).chain, [history])
     moved = np.ptp(followed.joint_angles)
     np.testing.assert_allclose(result.rollout.joint_angles, followed.joint_angles, atol=1e-6 * moved)
 
 
-def test_numbers_of_known_motions() -> None:
+def test_numbers_for_known_motions() -> None:
     time_s = np.linspace(0.0, 2.0, 1001)
     known, motion = [(3.0, 0.05), (11.0, 0.02)], 0.3 * np.ones(1001)
     for frequency, ratio in known:

@@ -1,4 +1,4 @@
-"""Targets of follow_shape: where a helix stands, what is out of reach, how long a chain is."""
+"""Targets of follow_shape: the position of a helix, unreachable targets, the length of a chain."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_points_that_leave_along_x_and_files_stand_as_they_are(tmp_path) -> None
         TargetConfig.model_validate({"points": tmp_path / "curve.csv", "start": "tangent"})
 
 
-def test_a_target_out_of_reach_is_refused_with_both_lengths() -> None:
+def test_an_unreachable_target_is_refused_with_both_lengths() -> None:
     """√((2π · 18)² + 60²) mm = 128.03 mm."""
     task = FollowShape(FollowShapeConfig.model_validate({"pressure": "10 kPa", "target": HELIX}))
     task.check_reach(0.086)
@@ -91,7 +91,7 @@ def test_the_base_rolls_under_a_target_that_follows_its_direction(tmp_path) -> N
     assert np.abs(runs["base", 1] - runs["base", 0]).max() > 0.01
 
 
-def test_the_length_of_a_chain_needs_no_law(tmp_path: Path) -> None:
+def test_the_chain_length_needs_no_law(tmp_path: Path) -> None:
     segments = [
         {"rigid": {"length": "6.5 mm"}},
         {"modules": 4},
@@ -102,7 +102,7 @@ def test_the_length_of_a_chain_needs_no_law(tmp_path: Path) -> None:
     assert chain_length_m(study.bench, study.study) == pytest.approx(0.0065 + 0.044 + 0.018 + 0.012)
 
 
-def test_the_length_is_that_of_the_chain_that_is_built(tmp_path: Path) -> None:
+def test_the_length_equals_the_chain_that_is_built(tmp_path: Path) -> None:
     segments = [
         {"modules": 3},
         {"modules": 2, "module_length": "7 mm"},

@@ -1,4 +1,4 @@
-"""Contact to the full: fingers on fingers and on themselves, forces at contacts, hollow objects in convex parts."""
+"""Contact of fingers with fingers and with themselves, forces at contacts, hollow objects in convex parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from scipy.spatial import ConvexHull
 
 import pliant_plugins.solids as solids
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.physics import PhysicsBackend, SceneSimulation
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
@@ -38,13 +39,13 @@ def closed(simulation: SceneSimulation, pressure_pa: float, seconds: float = 1.5
 
 
 def facing(grasp: Tasks, finger: ChainModel, touch: bool) -> Scene:
-    """Two fingers that bend toward each other, high above the floor and with nothing between them."""
+    """Return two fingers that bend toward each other, high above the floor and with nothing between them."""
     task = grasp(fingers=2, base_radius="15 mm", inclination="0 deg", finger_contact=touch)
     return replace(task.scene(finger), objects=(), floor_m=None)
 
 
 def test_two_fingers_stop_each_other(grasp: Tasks, finger: ChainModel, mujoco: PhysicsBackend) -> None:
-    """The first hangs on the +x side and stays there; what does not touch goes through."""
+    """The first hangs on the +x side and stays there; without contact the fingers pass through each other."""
     across = {}
     for touch in (False, True):
         with mujoco.build_scene(facing(grasp, finger, touch)) as simulation:
@@ -63,7 +64,7 @@ def test_two_fingers_stop_each_other(grasp: Tasks, finger: ChainModel, mujoco: P
 
 
 def test_a_finger_that_curls_up_meets_itself(mujoco: PhysicsBackend) -> None:
-    """Sixteen modules bent into more than a whole turn: the tip lies on the chain, or in it."""
+    """Sixteen modules bend by more than a whole turn, so that the tip touches the chain or enters it."""
     law = linear_law(gain=2.0e-6, stiffness=0.05)
     curling = sample_finger(law=law, modules=16)
     depths = {}
@@ -79,7 +80,7 @@ def test_a_finger_that_curls_up_meets_itself(mujoco: PhysicsBackend) -> None:
     assert depths[False] < 0.8 * depths[True]
 
 
-def test_near_bodies_of_a_finger_are_no_pair(grasp: Tasks, finger: ChainModel) -> None:
+def test_near_bodies_in_a_finger_are_no_pair(grasp: Tasks, finger: ChainModel) -> None:
     scene = grasp(finger_contact=True).scene(finger)
     text, geoms = scene_mjcf(scene, MujocoConfig())
     parts = {geom.name: geom.part for geom in geoms}

@@ -1,4 +1,4 @@
-"""Real episodes: an egg is lifted, fingers too far away miss it, a heavy one stays; seeds reproduce; effects act."""
+"""Real episodes: an egg is lifted, fingers too far away miss it, a heavy one stays; seeds reproduce; effects matter."""
 
 from __future__ import annotations
 

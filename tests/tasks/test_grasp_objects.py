@@ -1,4 +1,4 @@
-"""Objects of a grasp: shapes, masses and places by closed form; what is refused."""
+"""Objects of a grasp: shapes, masses and positions by closed form; refused objects."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_weights_hang_where_the_config_says(grasp: Tasks) -> None:
     assert low.inertia_kg_m2[0, 0] == pytest.approx(egg + reduced * 0.0225**2)
 
 
-def test_a_part_has_the_mass_of_its_solid(grasp: Tasks, tmp_path: Path) -> None:
+def test_a_part_has_its_solid_mass(grasp: Tasks, tmp_path: Path) -> None:
     box = trimesh.creation.box((20.0, 30.0, 40.0))
     box.apply_translation((5.0, -7.0, 100.0))
     box.export(tmp_path / "part.stl")

@@ -1,4 +1,4 @@
-"""The reward of a grasp: the published sum, by hand, and what it prefers."""
+"""The reward of a grasp: the published sum, by hand, and its preferences."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def config(**keys: Any) -> GraspConfig:
 
 @pytest.fixture
 def rewarded(finger: ChainModel) -> Callable[..., float]:
-    """The reward of a trial under a config of these keys."""
+    """Return the reward of a trial under a config of these keys."""
 
     def inner(trial: TrialMetrics = HELD, **keys: Any) -> float:
         given = config(**keys)
@@ -40,7 +40,7 @@ def test_the_sum_by_hand_and_what_it_prefers(rewarded: Callable[..., float]) -> 
     held = rewarded()
     assert held == pytest.approx(3.345)
     assert rewarded(MISSED) == pytest.approx(-1.59)  # −1 − 0.1 − 0.4 − 0.09
-    # a cylinder is held by few modules: 0.2 · 0.7 in the place of 0.2 · 0.3
+    # a cylinder is grasped by few modules: 0.2 · 0.7 in the place of 0.2 · 0.3
     assert rewarded(object="cylinder") == pytest.approx(3.345 + 0.08)
     assert rewarded(extra_weights=6) / held == pytest.approx(1.3)
     assert held - rewarded(fingers=4) == pytest.approx(0.005 * 6)
@@ -51,7 +51,7 @@ def test_the_sum_by_hand_and_what_it_prefers(rewarded: Callable[..., float]) -> 
     assert [replace(HELD, mode=mode).mode_score for mode in MODES] == [-1.0, 0.5, 1.0, 2.0]
 
 
-def test_a_task_measures_it_as_the_mean_of_its_trials(
+def test_a_task_measures_it_as_the_mean_over_its_trials(
     finger: ChainModel, grasp: Callable[..., Grasp], mujoco: PhysicsBackend
 ) -> None:
     times = {"lower_height": 0, "lower_time": 0.02, "ramp_time": 0.3, "hold_time": 0, "lift_time": 0.3}

@@ -1,4 +1,4 @@
-"""Where the fingers stand, what noise does, what an episode commands and how it is judged."""
+"""Positions of the fingers, effects of noise, commands of an episode and its judgement."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pliant.records.scene import Contact, Part
 from pliant.testing.stand_ins import StandInScene
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import phases, play
-from pliant_plugins.tasks.grasp.metrics import Grip, TrialMetrics, mode_of, summary
+from pliant_plugins.tasks.grasp.metrics import Grip, TrialMetrics, deepest_m, grasp_mode, summary, sunk_in
 from pliant_plugins.tasks.grasp.scene import Draw
 from pliant_plugins.tasks.grasp.task import Grasp
 
@@ -30,12 +30,12 @@ def test_fingers_lean_outward_and_look_inward(grasp: Tasks, finger: ChainModel) 
         base, turn = arm.chain.base_position_m, arm.chain.base_rotation
         assert base[:2] == pytest.approx(0.015 * outward[:2])
         assert turn[:, 0] == pytest.approx(np.sin(np.radians(20)) * outward - [0, 0, np.cos(np.radians(20))])
-        assert turn[:, 2] @ outward == pytest.approx(np.cos(np.radians(20)))  # −z looks at the vertical
+        assert turn[:, 2] @ outward == pytest.approx(np.cos(np.radians(20)))  # −z points at the vertical
         assert turn.T @ turn == pytest.approx(np.eye(3))
         assert np.linalg.det(turn) == pytest.approx(1.0)
 
 
-def test_the_lowest_point_of_the_lowered_fingers_is_the_grasp_height(
+def test_the_lowest_point_on_the_lowered_fingers_is_the_grasp_height(
     grasp: Tasks, finger: ChainModel
 ) -> None:
     scene = grasp(grasp_height="8 mm", lower_height="60 mm").scene(finger)
@@ -70,7 +70,7 @@ def test_noise_stays_within_its_widths_and_follows_the_seed() -> None:
         "noise": {"friction": "5 %", "pressure": 500, "placement": 0.05},
     }
     config = GraspConfig.model_validate(keys)
-    draws = [Draw.of(config, k, 0.03) for k in range(400)]
+    draws = [Draw.from_config(config, k, 0.03) for k in range(400)]
     friction = np.array([draw.friction for draw in draws])
     pressure = np.array([draw.pressure_pa for draw in draws])
     away = np.array([np.linalg.norm(draw.offset_m) for draw in draws])
@@ -79,9 +79,9 @@ def test_noise_stays_within_its_widths_and_follows_the_seed() -> None:
     assert away.max() <= 0.0015
     assert friction.std() == pytest.approx(0.05 / np.sqrt(3), rel=0.1)
     assert (away**2).mean() == pytest.approx(0.0015**2 / 2, rel=0.1)  # uniform in the disc
-    again = Draw.of(config, 7, 0.03)
+    again = Draw.from_config(config, 7, 0.03)
     assert (again.friction, again.pressure_pa) == (draws[7].friction, draws[7].pressure_pa)
-    other = Draw.of(config.model_copy(update={"seed": 1}), 7, 0.03)
+    other = Draw.from_config(config.model_copy(update={"seed": 1}), 7, 0.03)
     assert other.friction != draws[7].friction
 
 
@@ -94,7 +94,7 @@ def test_an_episode_is_lowered_actuated_and_lifted(grasp: Tasks, finger: ChainMo
     assert height.min() == pytest.approx(-0.06)
     assert height[-1] == pytest.approx(0.0, abs=1e-12)
     bend = np.array([float(state.coordinates[0].sum()) for state in episode.states])
-    lowered, full = episode.last_of("lower"), episode.last_of("actuate")
+    lowered, full = episode.last_frame("lower"), episode.last_frame("actuate")
     # the pressure grows on the ramp only
     assert np.ptp(bend[1 : lowered + 1]) < 1e-9
     assert np.all(np.diff(bend[lowered : full + 1]) > 0)
@@ -115,7 +115,7 @@ def test_grip_sums_what_fingers_do_to_the_object(grasp: Tasks, finger: ChainMode
         touch(Part("arm", 2, 5), egg, 0.25, (0.0, 0.0, 0.1)),
         touch(egg, floor, 9.0, (1.0, 1.0, 0.0)),
     ]
-    grip = Grip.of(contacts, scene)
+    grip = Grip.from_contacts(contacts, scene)
     assert grip.normal_n == pytest.approx(1.75)
     assert grip.friction_n == pytest.approx(0.6)
     assert grip.touching_share == pytest.approx(2 / 18)
@@ -132,7 +132,20 @@ def test_grip_sums_what_fingers_do_to_the_object(grasp: Tasks, finger: ChainMode
     ],
 )
 def test_modes(touched: bool, z_max: float, z_end: float, creep: float, mode: str) -> None:
-    assert mode_of(touched, z_max, z_end, creep, 0.06) == mode
+    assert grasp_mode(touched, z_max, z_end, creep, 0.06) == mode
+
+
+def test_fingers_that_sink_in_are_named(grasp: Tasks, finger: ChainModel) -> None:
+    task = grasp(pressure="10 kPa")
+    episode = play(StandInScene(task.scene(finger)), task.config, {"pressure_pa": 10e3})
+    egg, way = Part("object", 0), np.array([1.0, 0.0, 0.0])
+    episode.contacts[-1] = tuple(
+        Contact(first, egg, np.zeros(3), way, 1.0, np.zeros(3), depth)
+        for first, depth in ((Part("arm", 0, 6), 1.9e-3), (Part("arm", 1, 6), 1e-3), (Part("floor"), 4e-3))
+    )
+    assert deepest_m(episode) == 1.9e-3
+    assert sunk_in(0.7e-3, 0.025) == ""
+    assert "sink up to 1.9 mm into the object, of 25 mm radius" in sunk_in(1.9e-3, 0.025)
 
 
 def test_trials_are_summed_up() -> None:

@@ -1,4 +1,4 @@
-"""Why an equilibrium holds nothing."""
+"""Reasons why an equilibrium is not accepted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded runs through `follow_pressure`: the evidence loop's error, damping and inertia that come back."""
+"""Recorded runs through `follow_pressure`: the evidence loop's error, and recovered damping and inertia."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def record(folder: Path, time_s: Array, pressure: Array, angle: Array) -> Path:
 
 
 def pulses(count: int, period_s: float) -> tuple[Array, Array]:
-    """A pressure that comes and goes, 40 kPa."""
+    """Return a pressure that comes and goes, 40 kPa."""
     time_s = np.linspace(0.0, 3.0 * period_s, count)
     return time_s, np.where(
         (time_s % period_s > 0.1 * period_s) & (time_s % period_s < 0.6 * period_s), 4e4, 0.0
@@ -60,7 +60,7 @@ def pulses(count: int, period_s: float) -> tuple[Array, Array]:
 
 
 def moved(opened: api.OpenStudy) -> Array:
-    """(t,) the angle of the study's motion."""
+    """Return the (t,) angle of the study's motion."""
     rollout = api.simulate(opened).engines[0].artifact.value.rollout
     return np.asarray(rollout.joint_angles.sum(axis=(1, 2)))
 
@@ -69,8 +69,8 @@ def metrics(opened: api.OpenStudy) -> dict[str, Any]:
     return dict(api.simulate(opened).engines[0].artifact.value.metrics)
 
 
-def test_a_recording_of_the_model_itself_leaves_no_error(tmp_path: Path) -> None:
-    """Sensors are seen through, and without the damper the error is the evidence loop's."""
+def test_a_recording_made_by_the_model_leaves_no_error(tmp_path: Path) -> None:
+    """Sensors are modelled, and without the damper the error is the evidence loop's."""
     time_s, pressure = pulses(120, 2.0)
     record(tmp_path, time_s, pressure, 0.0 * time_s)
     record(tmp_path, time_s, pressure, 0.01 + moved(study(tmp_path, effects=DAMPED)))
@@ -84,7 +84,7 @@ def test_a_recording_of_the_model_itself_leaves_no_error(tmp_path: Path) -> None
 @pytest.mark.slow
 @pytest.mark.skipif(not REAL.is_file(), reason="../shared/data/measured is not there")
 def test_real_runs_have_the_evidence_loop_s_error(tmp_path: Path) -> None:
-    """The first minute of a measured run of two bellows, with what `improve` found: within 2 %."""
+    """The first minute of a measured run of two bellows, with the effects that `improve` found: within 2 %."""
     with REAL.open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["run"] == "7V"][:750]
     names = ("time_s", "pressure_1_pa", "pressure_2_pa", "bend_angle_rad")

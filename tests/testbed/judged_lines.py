@@ -10,7 +10,7 @@ from benchmarks.evidence.truths import right_verdicts, right_where_the_law_is_of
 CLASSES = [["actuation_gain", "stiffness", "wall_thickness"]]
 
 
-def label_of(kind: str, law_error: float = 0.0) -> dict[str, Any]:
+def make_label(kind: str, law_error: float = 0.0) -> dict[str, Any]:
     label = {
         "kind": kind,
         "forms": ["a form"],
@@ -34,4 +34,4 @@ def stated(probability: float, right: bool) -> Any:
         {"kinds": ["mullins" if right else "stiffness"], "probability": probability},
         {"kinds": [], "probability": 1 - probability},
     ]
-    return judge("effect", label_of("mullins"), line)
+    return judge("effect", make_label("mullins"), line)

@@ -1,4 +1,4 @@
-"""A handful of sealed sets, diagnosed and judged: what `make bench-evidence` does at length."""
+"""A few sealed sets, diagnosed and judged: a short version of `make bench-evidence`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,13 +9,13 @@ from benchmarks.evidence.sets import MeasuredSet, SetSpec, make_set
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
 
-# Of the cheaper engine: that both make the same sets is a law of `test_testbed_truth.py`.
+# Of the faster engine: `test_testbed_truth.py` checks that both make the same sets.
 HANDFUL = [
     SetSpec("none", 302, "functional", protocol="rates"),
     SetSpec("viscoelastic", 303, "functional", protocol="rates"),
     SetSpec("run_slip", 309, "functional"),
 ]
-# What `test_small_bench.py` does not have: MuJoCo's sets; its own, two unknown ones among them, are judged among all
+# Sets that `test_small_bench.py` does not have: MuJoCo's; among its own two unknown ones are judged among all
 # effects there.
 WITH_ALL_EFFECTS = [
     SetSpec("none", 302, "mujoco"),

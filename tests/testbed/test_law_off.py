@@ -1,4 +1,4 @@
-"""The second bed: laws that are off in shape, records that are wrong, the candidates' own equations."""
+"""The second bed: laws with errors of shape, wrong records, the candidates' own equations."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from benchmarks.evidence.robots import (
 from benchmarks.evidence.sets import (
     MeasuredSet,
     SetSpec,
+    draw_truth,
     follow,
     make_set,
     noise_sizes,
     signal,
-    truth_of,
 )
-from benchmarks.evidence.tasks import INTERVAL_PROTOCOL, tasks_of
+from benchmarks.evidence.tasks import INTERVAL_PROTOCOL, group_tasks
 from benchmarks.evidence.truths import CLEAN, PARAMETERS
 
 from pliant import api
-from pliant.evidence.places import residuals_of
+from pliant.evidence.places import run_residuals
 
-# CSVs of the bed of exact laws as they were before this bed: its sets stay what they are, bit for bit.
+# CSVs of the bed of exact laws as they were before this bed: its sets do not change, bit for bit.
 BEFORE = {
     "54b4fb50cad3c674": SetSpec(CLEAN, 1, split="calibration", protocol="poor"),
     "8c9b7260b1ec8a66": SetSpec("mullins", 2, split="calibration"),
@@ -60,14 +60,14 @@ def made(kind: str, robot: str = "joint", protocol: str = "rates", **more: objec
 
 
 @pytest.mark.parametrize("digest", BEFORE, ids=[spec.kind for spec in BEFORE.values()])
-def test_sets_of_exact_laws_are_what_they_were(digest: str) -> None:
+def test_sets_with_exact_laws_are_what_they_were(digest: str) -> None:
     assert hashlib.sha256(make_set(BEFORE[digest]).csv.encode()).hexdigest()[:16] == digest
 
 
 def off(
     size: float, split: str, seed: int = 0, robot: str = "joint"
 ) -> tuple[Array, Array, Array, law_shapes.LawShape]:
-    """Shares, angles and errors, in shares of the torque range, at the visited states."""
+    """Return shares, angles and errors, in shares of the torque range, at the visited states."""
     share, angle = visited(robot)
     law = draw_law(size, split, share, angle, np.random.default_rng(seed))
     errors = np.array([law_error(*state, law.table) for state in zip(share, angle, strict=True)])
@@ -95,7 +95,7 @@ def test_an_error_has_its_size_and_no_stiffness_gain_offset_or_quadratic_part(
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_no_shape_is_a_polynomial_of_low_order_and_joints_stay_stiff(split: str) -> None:
+def test_no_shape_is_a_low_order_polynomial_and_joints_stay_stiff(split: str) -> None:
     told, forms = [], set()
     for seed in range(12):
         share, angle, errors, law = off(0.02, split, seed)
@@ -114,7 +114,7 @@ def test_no_shape_is_a_polynomial_of_low_order_and_joints_stay_stiff(split: str)
     assert forms == {form.name for form in LAW_SHAPES[SPLITS.index(split)]}
 
 
-def test_every_basis_has_its_function_and_a_rod_gets_a_pull_of_the_actuation_alone() -> None:
+def test_every_basis_has_its_function_and_a_rod_gets_a_pull_from_the_actuation_alone() -> None:
     assert set(SURFACES) == {form.name for split in LAW_SHAPES for form in split}
     _, pull = draw_pull(0.02, "judged", np.random.default_rng(3))
     nodes = law_shapes.LOWEST_SHARE + law_shapes.NODE_SHARE * np.arange(law_shapes.SHARE_NODES)
@@ -126,12 +126,12 @@ def test_every_basis_has_its_function_and_a_rod_gets_a_pull_of_the_actuation_alo
 
 
 def residuals(one: MeasuredSet, folder: Path) -> dict[str, float]:
-    """RMS of measured − model over σ, of the model that is given away."""
+    """Return the RMS of measured − model over σ, of the model that is given to the diagnoser."""
     (folder / "study.yaml").write_text(one.study)
     (folder / "bench.csv").write_text(one.csv)
     opened = api.open_study(folder / "study.yaml", store=folder / "store")
     predictor = api.predictor(opened, folder / "bench.csv")
-    every = residuals_of(predictor.measurement, predictor.predict())
+    every = run_residuals(predictor.measurement, predictor.predict())
     found = {}
     for name, sigma in one.sigma.items():
         values = np.concatenate([run[name] for run in every if name in run])
@@ -156,7 +156,7 @@ def test_a_law_that_is_off_leaves_its_error_and_what_is_static_is_static(tmp_pat
     assert left > 1.2 and left == pytest.approx(np.hypot(1.0, one.label["law_snr"]), rel=0.2)
     assert one.csv != made(CLEAN, law_error=0.03, law_seed=5).csv
     assert "law_error" not in one.study
-    truth = truth_of(SetSpec(CLEAN, 2, robot="joint", law_error=0.03, law_seed=4))
+    truth = draw_truth(SetSpec(CLEAN, 2, robot="joint", law_error=0.03, law_seed=4))
     assert truth.at().forms.actuation_error == 0.0 and truth.at().forms.law.shape == (31, 69)
     for kind, known in (("gain_bump", True), ("detent", True), ("torque_ripple", False)):
         assert ("law_off" in made(kind, law_error=0.01, law_seed=4).label["right"]) is known
@@ -166,7 +166,7 @@ def test_a_law_that_is_off_leaves_its_error_and_what_is_static_is_static(tmp_pat
 def test_the_candidates_equation_with_the_stated_parameters_makes_the_readings(
     kind: str, tmp_path: Path
 ) -> None:
-    """The law exact but for 0.4 %, the candidate in the study with what the label states: noise is left."""
+    """The law is exact to 0.4 % and the study has the candidate with the label's parameters: only noise remains."""
     one = made(kind, "joint", INTERVAL_PROTOCOL, candidates=True)
     values = {name.split(".")[1]: value for name, value in one.label["parameters"].items()}
     assert set(CANDIDATE_FORMS) == set(PARAMETERS) and values
@@ -176,7 +176,7 @@ def test_the_candidates_equation_with_the_stated_parameters_makes_the_readings(
     (tmp_path / "with").mkdir()
     effect = f"effects:\n  - {{kind: {kind}, {parts}}}\n"
     plain = residuals(one, tmp_path)["angle_rad"]
-    with_it = residuals(MeasuredSet(one.study + effect, *vars_of(one)), tmp_path / "with")["angle_rad"]
+    with_it = residuals(MeasuredSet(one.study + effect, *set_contents(one)), tmp_path / "with")["angle_rad"]
     assert plain > 1.6 and with_it < 1.12
     assert one.label["forms"] == ["the candidate's"]
 
@@ -189,7 +189,7 @@ def _units(values: dict[str, float]) -> dict[str, str]:
     }
 
 
-def vars_of(one: MeasuredSet) -> tuple[object, ...]:
+def set_contents(one: MeasuredSet) -> tuple[object, ...]:
     return one.csv, one.label, one.clean, one.hidden, one.measured, one.sigma
 
 
@@ -233,10 +233,10 @@ def test_labels_are_off_where_they_say() -> None:
 @pytest.mark.parametrize("split", SPLITS)
 def test_records_that_are_wrong_are_as_wrong_as_the_label_says(split: str, tmp_path: Path) -> None:
     for group in ("payload", "clock"):
-        one = make_set(tasks_of(group, 1, split, "law_off")[0].spec)
+        one = make_set(group_tasks(group, 1, split, "law_off")[0].spec)
         assert one.label["snr_reached"] > 0.3 and one.label["kinds"] == [f"wrong_{group}"]
         assert residuals(one, tmp_path)["angle_rad"] > 1.1
-    specs = [task.spec for task in tasks_of("gravity", 8, split, "law_off") if task.spec.robot == "joint"]
+    specs = [task.spec for task in group_tasks("gravity", 8, split, "law_off") if task.spec.robot == "joint"]
     for spec in specs[:2]:
         one = make_set(spec)
         assert one.label["strengths"] == [1.0] and "gravity: [" in one.study
@@ -246,7 +246,7 @@ def test_records_that_are_wrong_are_as_wrong_as_the_label_says(split: str, tmp_p
         ) == pytest.approx(GRAVITY_M_S2, rel=1e-4)
 
 
-def test_sets_of_the_bed_are_dumped_with_open_labels(
+def test_sets_in_the_bed_are_dumped_with_open_labels(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     dump.main(["--bed", "law_off", "--group", "interval", "--count", "2", "--out", str(tmp_path)])
@@ -258,7 +258,7 @@ def test_sets_of_the_bed_are_dumped_with_open_labels(
 @pytest.mark.parametrize("robot", ["joint", "four"])
 def test_the_engines_agree_on_a_law_that_is_off(robot: str) -> None:
     runs = protocol("example", ROBOTS[robot])
-    truth = truth_of(SetSpec(CLEAN, 2, robot=robot, law_error=0.02, law_seed=4)).at()
+    truth = draw_truth(SetSpec(CLEAN, 2, robot=robot, law_error=0.02, law_seed=4)).at()
     engines = ("functional", "mujoco", "explicit")[: 3 if robot == "joint" else 2]
     found = {one: follow(one, ROBOTS[robot], runs, truth, np.zeros(len(runs))) for one in engines}
     sigma = noise_sizes(found["functional"])
@@ -266,7 +266,7 @@ def test_the_engines_agree_on_a_law_that_is_off(robot: str) -> None:
         assert signal(found["functional"], found[engine], sigma) < 0.1, engine
 
 
-def test_only_the_study_of_an_exact_law_says_how_good_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_the_study_with_an_exact_law_says_how_good_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robots, "LAW_ERROR_STATED", True)
     exact, off = (ROBOTS["joint"].study("x", exact_law=known) for known in (True, False))
     assert exact == off + "law_error: 0.5 %\n" and "law_error" not in off

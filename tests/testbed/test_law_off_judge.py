@@ -1,4 +1,4 @@
-"""The judge where a law is off or a record is wrong: the law's own shape, told mistakes, classes, intervals."""
+"""The judge for a wrong law or a wrong record: the law's own shape, recognised mistakes, classes, intervals."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any
 
 import pytest
 from benchmarks.evidence import ledger
-from benchmarks.evidence.counting import certain, covered, of_all_beds, splittable, summary
+from benchmarks.evidence.counting import certain, covered, overall_tables, splittable, summary
 from benchmarks.evidence.judge import Judged, judge
 from benchmarks.evidence.publish import LAW_OFF_TABLES, as_text
 from benchmarks.evidence.truths import CLEAN
-from tests.testbed.judged_lines import answer, label_of, stated
+from tests.testbed.judged_lines import answer, make_label, stated
 
 WITH_LAW = [{"kinds": ["law", "stiffness", "wall_thickness"]}]
 
 
 def judged(kind: str, line: dict[str, Any], law_error: float = 0.01, classes: Any = ()) -> Judged:
     line["result"]["classes"] = list(classes)
-    return judge("effect", label_of(kind, law_error), line)
+    return judge("effect", make_label(kind, law_error), line)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def judged(kind: str, line: dict[str, Any], law_error: float = 0.01, classes: An
         ("torque_ripple", answer("law_off"), ("wrong", False, False), ("wrong", False, True)),
     ],
 )
-def test_the_laws_own_shape_is_part_of_the_truth_where_the_law_is_off(
+def test_the_laws_own_shape_is_part_in_the_truth_where_the_law_is_off(
     kind: str, line: dict[str, Any], off: Any, exact: Any
 ) -> None:
     for law_error, wanted in ((0.01, off), (0.0, exact)):
@@ -114,9 +114,9 @@ def test_sets_whose_class_could_be_split_are_counted_apart() -> None:
 def test_a_wrong_record_is_right_where_the_mistake_is_told_and_no_other_effect_named(
     result: dict[str, Any], outcome: str
 ) -> None:
-    one = judge("payload", label_of("wrong_payload", 0.01), {"result": result, "wall_s": 1.0})
+    one = judge("payload", make_label("wrong_payload", 0.01), {"result": result, "wall_s": 1.0})
     assert one.outcome == outcome
-    other = judge("effect", label_of("mullins"), {"result": result, "wall_s": 1.0})
+    other = judge("effect", make_label("mullins"), {"result": result, "wall_s": 1.0})
     assert not other.is_right
     assert summary([one, other])["told_wrongly"]["right"] == bool(result.get("bookkeeping"))
 
@@ -130,7 +130,7 @@ def estimated(low: float, high: float, kinds: tuple[str, ...] = ("backlash",)) -
 
 
 def test_intervals_hold_what_the_label_states_and_survive_the_stored_answers() -> None:
-    label = label_of("backlash", 0.01) | {"parameters": {"backlash.play_rad": 0.05}}
+    label = make_label("backlash", 0.01) | {"parameters": {"backlash.play_rad": 0.05}}
     lines = [estimated(0.04, 0.06), estimated(0.052, 0.06), estimated(0.04, 0.06, ("backlash", "law"))]
     items = [judge("interval", label, line) for line in lines]
     assert [item.intervals[0][1] for item in items] == [True, False, True]
@@ -140,23 +140,23 @@ def test_intervals_hold_what_the_label_states_and_survive_the_stored_answers() -
     stored = ledger.judged([ledger.compact("interval", "diagnose", label, line) for line in lines])
     assert [one.intervals[0][1] for one in stored] == [True, False, True]
     assert all(one.truth_fitted for one in items + stored)
-    other = ledger.compact("effect", "diagnose", label_of("backlash"), lines[0])
+    other = ledger.compact("effect", "diagnose", make_label("backlash"), lines[0])
     assert "parameters" not in json.dumps(other) and other["result"]["truth_fitted"]
-    assert judge("effect", label_of("mullins"), lines[0]).truth_fitted is False
-    assert judge("clean", label_of(CLEAN), lines[0]).truth_fitted is None
+    assert judge("effect", make_label("mullins"), lines[0]).truth_fitted is False
+    assert judge("clean", make_label(CLEAN), lines[0]).truth_fitted is None
 
 
 def test_certain_answers_and_reliability_are_counted_over_both_beds() -> None:
     exact = [stated(0.995, True)] * 3 + [stated(0.9, False)]
     off = [stated(0.999, k < 4) for k in range(5)]
     assert (certain(exact)["right"], certain(exact)["n"]) == (3, 3)
-    both = of_all_beds(exact, off)
+    both = overall_tables(exact, off)
     assert (both["certain"]["right"], both["certain"]["n"]) == (7, 8) and both["calibration"]["n"] == 9
 
 
-def test_the_tables_of_the_second_bed_are_written_from_numbers() -> None:
+def test_the_second_bed_tables_are_written_from_numbers() -> None:
     items = [judged("stiffness", answer("missing_effect", "stiffness"), 0.02)] * 3
-    items += [judge("clean", label_of(CLEAN, 0.01), answer("law_off"))] * 2
+    items += [judge("clean", make_label(CLEAN, 0.01), answer("law_off"))] * 2
     data = json.loads(json.dumps(summary(items)))
     text = as_text(data)
     assert "| 1.2 to 3 | 100.0 % (3/3" in text and "law off by" in text

@@ -1,4 +1,4 @@
-"""The third source of truth: a rod in MuJoCo that is at rest what the study says, and moves as a rod does."""
+"""The third source of truth: a rod in MuJoCo that has the study's equilibria and moves as a rod does."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_rod_is_late_drags_and_stops_as_its_fields_say() -> None:
 
 
 @pytest.mark.parametrize("kind", slow_among(sorted(CHANGES), *sorted(CHANGES)[2:]))
-def test_effects_of_a_rod_reach_their_strength(kind: str) -> None:
+def test_effects_on_a_rod_reach_their_strength(kind: str) -> None:
     made = make_set(SetSpec(kind, 3, "rod", "rod", "coarse", snr=1.7))
     assert signal(made.clean, made.hidden, made.sigma) == pytest.approx(1.7, rel=0.05)
     assert "k_n" in made.study and made.label["forms"] == ["a rod in MuJoCo"]

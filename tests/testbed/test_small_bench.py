@@ -1,4 +1,4 @@
-"""`run_bench.py --small`: a few sets of every group through all processes, as at length."""
+"""`run_bench.py --small`: a few sets of every group through all processes, as in the full run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bench of the diagnoser: the plan is fair, a killed bench goes on, a sealed run is in the ledger."""
+"""The bench of the diagnoser: the plan is fair, a killed bench resumes, a sealed run is in the ledger."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from benchmarks.evidence.robots import ROBOTS
 from benchmarks.evidence.run_bench import Bench, Job, append, read
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.evidence.tasks import PLAN_OF, QUICK, Plan, Task, planned, small_plan
-from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, robots_of
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, kind_robots
 from benchmarks.evidence.workers import ANY, make
-from tests.testbed.judged_lines import CLASSES, answer, label_of, stated
+from tests.testbed.judged_lines import CLASSES, answer, make_label, stated
 
 from pliant.errors import UserError
 from pliant.execution.executors import InlineExecutor, ProcessExecutor
@@ -61,7 +61,7 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     ]
     for kind in KINDS:  # every engine that follows its robots, and both robots
         mine = [spec for spec in of["effect"] if spec.kind == kind]
-        assert {spec.robot for spec in mine} == set(robots_of(kind))
+        assert {spec.robot for spec in mine} == set(kind_robots(kind))
         assert {spec.engine for spec in mine} >= {"functional", "mujoco"}
     suggested, random = ([t.spec for t in tasks if t.mode == mode] for mode in ("suggested", "random"))
     assert suggested == random and len(suggested) >= 50  # both ways of adding runs to the same sets
@@ -70,7 +70,7 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     task = Task("effect", SetSpec("mullins", 0))
     assert task.secret_id(KEY) == task.secret_id(KEY) != task.secret_id(KEY[::-1])
     other = Plan().tasks()
-    assert {task.spec.engine for task in other} == {"functional"}  # thresholds see one engine of three
+    assert {task.spec.engine for task in other} == {"functional"}  # one engine of three
     law_off = [
         t for split in ("calibration", "judged") for t in replace(PLAN_OF["law_off"], split=split).tasks()
     ]
@@ -86,7 +86,7 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert expected_time(small_plan()).splitlines()[-1].split()[1] == str(len(small))
 
 
-def test_any_beginning_of_the_plan_is_a_fair_part_of_every_group() -> None:
+def test_any_beginning_in_the_plan_is_a_fair_part_from_every_group() -> None:
     tasks = Plan().tasks()
     whole = Counter((task.group, task.mode) for task in tasks)
     for part in (0.2, 0.4, 0.75):
@@ -104,7 +104,7 @@ def test_any_beginning_of_the_plan_is_a_fair_part_of_every_group() -> None:
 def test_shards_share_the_tasks_and_their_results_are_read_as_one(tmp_path: Path) -> None:
     tasks = Plan(seeds=2).tasks()
     shards = [Bench(tmp_path, "full", shard=(part, 3)) for part in (1, 2, 3)]
-    shared = [task for shard in shards for task in shard.share_of(tasks)]
+    shared = [task for shard in shards for task in shard.shard_tasks(tasks)]
     assert len(shared) == len(tasks) == len(set(shared))
     for k, shard in enumerate(shards):
         append(shard.results, {"id": f"set{k}", "n": k})
@@ -133,13 +133,13 @@ def test_the_scorer_with_the_true_forms_finds_strengths_and_kinds(monkeypatch: p
     spec = SetSpec("dead_zone", 3, protocol="poor", snr=3.0)
     squares = mean_squares(spec, make_set(spec))
     assert choice(squares, 100) == "dead_zone"
-    assert squares["dead_zone"] == pytest.approx(1.06, abs=0.15)  # noise and runs' offsets are left
+    assert squares["dead_zone"] == pytest.approx(1.06, abs=0.15)  # noise and runs' offsets remain
     assert "tendon_friction" not in squares and squares[CLEAN] > 5
 
 
 def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
     items = [stated(0.95, True) for _ in range(19)] + [stated(0.9, False)]
-    items += [judge("clean", label_of(CLEAN), answer("nothing_missing"))]
+    items += [judge("clean", make_label(CLEAN), answer("nothing_missing"))]
     data = json.loads(json.dumps(summary(items)))
     page = tmp_path / "page.md"
     marks = "".join(f"<!-- bench: {name} -->\nSTALE\n<!-- end -->\n\n" for name in TABLES)
@@ -156,7 +156,7 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
         publish(data, page, tmp_path)
     hidden, columns, shares = matrix(data)
     assert shares[hidden.index("mullins"), columns.index("mullins")] == pytest.approx(95)
-    assert with_tables(PAGE.read_text(), stored_tables()) == PAGE.read_text()  # nothing on it is typed
+    assert with_tables(PAGE.read_text(), stored_tables()) == PAGE.read_text()  # no typed numbers
     named = set(re.findall(r"<!-- bench: (\w+) -->", PAGE.read_text()))
     assert set(TABLES) <= named <= {*TABLES, *LAW_OFF_TABLES}
 
@@ -179,10 +179,10 @@ THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, protocol="poor", **NO
 
 @pytest.fixture(scope="module")
 def three_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bench's folder with its sets made, of which the stand-in reads a head: no process compiles the truths."""
+    """Return a bench's folder with made sets, of which the stand-in reads a head: no process compiles the truths."""
     made = Bench(tmp_path_factory.mktemp("made") / "evidence", "full")
     head = "run,specimen,time_s,pressure_pa,angle_rad\n"
-    one = SimpleNamespace(csv=head, study="surrogate: {kind: polynomial}\n", label=label_of("stiffness"))
+    one = SimpleNamespace(csv=head, study="surrogate: {kind: polynomial}\n", label=make_label("stiffness"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("benchmarks.evidence.sets.make_set", lambda spec, name: one)
         for task in THREE.tasks():
@@ -200,7 +200,7 @@ def words(out: Path, *more: str) -> list[str]:
 def bench(
     three_sets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., str]:
-    """What a bench over the three sets prints; it asks in this process."""
+    """Return a function that gives the output of a bench over the three sets; it runs in this process."""
     shutil.copytree(three_sets, tmp_path / "evidence")
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     monkeypatch.setattr(run_bench, "ProcessExecutor", lambda workers: InlineExecutor())
@@ -266,7 +266,7 @@ def test_shards_run_apart_and_are_summarised_as_one(bench: Callable[..., str], t
 
 
 def sealed(tmp_path: Path, done: int, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
-    """A run of three sets of which so many were answered when it was stopped."""
+    """Return the files of a run of three sets, `done` of which were answered when it was stopped."""
     plan = replace(THREE, split="judged", draw="abc")
     bench = Bench(tmp_path / "evidence", "sealed-abc")
     paths = tmp_path / "ledger.jsonl", tmp_path / "answers.jsonl.gz"
@@ -275,13 +275,13 @@ def sealed(tmp_path: Path, done: int, monkeypatch: pytest.MonkeyPatch) -> tuple[
         bench.sets.mkdir(parents=True)
         for task in plan.tasks()[:done]:
             name = task.secret_id(bench.key())
-            (bench.sets / f"{name}.sealed").write_text(seal.seal(label_of("stiffness"), bench.key()))
+            (bench.sets / f"{name}.sealed").write_text(seal.seal(make_label("stiffness"), bench.key()))
             append(bench.results, {"id": name, **answer("missing_effect", "stiffness"), "cpu_s": 1.23456789})
         raise KeyboardInterrupt
     return paths
 
 
-def test_a_sealed_run_stands_in_the_ledger_whatever_becomes_of_it(
+def test_a_sealed_run_stays_in_the_ledger_whatever_happens_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, kept = sealed(tmp_path, 0, monkeypatch)
@@ -350,13 +350,13 @@ def test_kept_answers_are_judged_as_the_whole_ones(tmp_path: Path) -> None:
         {"kinds": ["leak"], "probability": 0.003},
         {"kinds": ["stiffness"], "probability": 0.6},
     ]
-    kept = ledger.compact("effect", "diagnose", label_of("stiffness"), line)
+    kept = ledger.compact("effect", "diagnose", make_label("stiffness"), line)
     path = tmp_path / "kept.gz"
     ledger.write_answers({"commit": "x"}, [kept], path)
     first = path.read_bytes()
     ledger.write_answers({"commit": "x"}, [kept], path)
     assert path.read_bytes() == first
-    assert ledger.read_answers(path) == ({"commit": "x"}, [judge("effect", label_of("stiffness"), line)])
+    assert ledger.read_answers(path) == ({"commit": "x"}, [judge("effect", make_label("stiffness"), line)])
     assert "0.003" not in json.dumps(kept) and "next_experiment" not in json.dumps(kept)
     assert ledger.read_answers(tmp_path / "none.gz") == ({}, [])
 

@@ -1,4 +1,4 @@
-"""The judge of the diagnoser: seals hold, answers are judged as agreed, shares have their closed forms."""
+"""The judge of the diagnoser: seals work, answers are judged as agreed, shares have their closed forms."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchmarks.evidence.publish import as_text
 from benchmarks.evidence.truths import CLEAN, KINDS
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.testbed.judged_lines import CLASSES, answer, label_of, stated
+from tests.testbed.judged_lines import CLASSES, answer, make_label, stated
 
 ROOT = Path(__file__).resolve().parents[2]
 KEY = bytes(range(32))
@@ -59,7 +59,7 @@ def test_the_judges_key_is_made_once_and_for_its_owner(tmp_path: Path) -> None:
     assert one == again != other
 
 
-def test_no_code_under_test_knows_of_seals_or_of_the_bench() -> None:
+def test_no_code_under_test_knows_about_seals_or_the_bench() -> None:
     words = ("unseal(", ".sealed", "judge.key", "benchmarks.evidence", "benchmarks/evidence")
     for room in ("core", "plugins", "contrib"):
         for file in (ROOT / room).rglob("*.py"):
@@ -110,22 +110,22 @@ def test_wilsons_interval_has_its_closed_forms() -> None:
     ],
 )
 def test_outcomes(kind: str, line: dict[str, Any], outcome: str, alarm: bool) -> None:
-    judged = judge("effect", label_of(kind), line)
+    judged = judge("effect", make_label(kind), line)
     assert (judged.outcome, judged.alarm) == (outcome, alarm)
 
 
 def test_improve_is_judged_by_its_last_step() -> None:
     steps = [{"added": [], "rmse_over_floor": 2.4}, {"added": ["mullins"], "rmse_over_floor": 1.05}]
-    judged = judge("improve", label_of("mullins"), {"result": {"steps": steps}, "wall_s": 1.0})
+    judged = judge("improve", make_label("mullins"), {"result": {"steps": steps}, "wall_s": 1.0})
     assert judged.outcome == "right" and judged.start_over_floor == 2.4 and judged.end_over_floor == 1.05
 
 
 def test_summary_counts_what_it_is_given() -> None:
     lines = [("mullins", answer("missing_effect", "mullins", credible=[["mullins"]]))] * 3
     lines += [("mullins", answer("missing_effect", "stiffness", credible=[["stiffness"], ["mullins"]]))]
-    items = [judge("effect", label_of(kind), line) for kind, line in lines]
-    items += [judge("clean", label_of(CLEAN), answer("nothing_missing"))] * 9
-    items += [judge("clean", label_of(CLEAN), answer("missing_effect", "stiffness"))]
+    items = [judge("effect", make_label(kind), line) for kind, line in lines]
+    items += [judge("clean", make_label(CLEAN), answer("nothing_missing"))] * 9
+    items += [judge("clean", make_label(CLEAN), answer("missing_effect", "stiffness"))]
     data = summary(items)
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 4)
     assert (data["false_alarms"]["right"], data["false_alarms"]["n"]) == (1, 10)
@@ -158,10 +158,10 @@ def test_summary_counts_what_it_is_given() -> None:
 )
 def test_right_by_class_is_what_the_answer_declared(kind: str, line: dict[str, Any], by_class: bool) -> None:
     line["result"]["classes"] = [{"kinds": kinds} for kinds in CLASSES]
-    assert judge("effect", label_of(kind), line).by_class is by_class
+    assert judge("effect", make_label(kind), line).by_class is by_class
 
 
-def test_reliability_has_bins_of_equal_width_and_its_closed_forms() -> None:
+def test_reliability_has_bins_with_equal_width_and_its_closed_forms() -> None:
     items = [stated(0.65, k % 20 < 13) for k in range(60)] + [stated(0.9, k % 10 < 9) for k in range(50)]
     honest = reliability(items)
     assert [(row["above"], row["n"]) for row in honest["bins"]] == [(0.6, 60), (0.9, 50)]
@@ -180,16 +180,16 @@ def a_class(verdict: str, *members: str, beside: Sequence[str] = ()) -> dict[str
 
 @pytest.mark.parametrize("verdict", ["missing_effect", "ambiguous"])
 def test_a_class_is_right_by_class_where_it_holds_the_truth_and_never_strictly(verdict: str) -> None:
-    held = judge("effect", label_of("stiffness"), a_class(verdict, "wall_thickness", "stiffness"))
+    held = judge("effect", make_label("stiffness"), a_class(verdict, "wall_thickness", "stiffness"))
     assert (held.outcome, held.by_class, held.wrong_kind, held.answer) == ("class", True, False, "its class")
-    not_held = judge("effect", label_of("mullins"), a_class(verdict, "wall_thickness", "stiffness"))
+    not_held = judge("effect", make_label("mullins"), a_class(verdict, "wall_thickness", "stiffness"))
     assert (not_held.outcome, not_held.by_class, not_held.wrong_kind) == ("wrong", False, True)
     assert not_held.answer == "another class"
-    assert judge("clean", label_of(CLEAN), a_class(verdict, "wall_thickness", "stiffness")).wrong_kind
-    pair = label_of("mullins+stiffness")
+    assert judge("clean", make_label(CLEAN), a_class(verdict, "wall_thickness", "stiffness")).wrong_kind
+    pair = make_label("mullins+stiffness")
     assert judge("pair", pair, a_class(verdict, "wall_thickness", "stiffness", beside=["mullins"])).by_class
     assert not judge("pair", pair, a_class(verdict, "wall_thickness", "stiffness")).by_class
-    assert not judge("effect", label_of("mullins"), a_class(verdict, "mullins")).by_class  # one is no class
+    assert not judge("effect", make_label("mullins"), a_class(verdict, "mullins")).by_class  # one is no class
 
 
 @pytest.mark.parametrize(
@@ -207,8 +207,6 @@ def test_a_class_is_right_by_class_where_it_holds_the_truth_and_never_strictly(v
         ("mullins", answer("unknown_effect"), False),
     ],
 )
-def test_a_wrong_kind_is_one_outside_of_the_truths_class(
-    kind: str, line: dict[str, Any], wrong: bool
-) -> None:
+def test_a_wrong_kind_is_outside_the_truths_class(kind: str, line: dict[str, Any], wrong: bool) -> None:
     line["result"]["classes"] = [{"kinds": kinds} for kinds in CLASSES]
-    assert judge("effect", label_of(kind), line).wrong_kind is wrong
+    assert judge("effect", make_label(kind), line).wrong_kind is wrong

@@ -26,7 +26,7 @@ from tests.testbed.test_testbed_truth import (
     ALL,
     BOTH,
     angles,
-    run_of,
+    make_run,
 )
 
 
@@ -36,14 +36,14 @@ def test_a_closed_valve_keeps_the_pressure_and_a_leak_lets_it_go(engine: str) ->
     valve = np.ones(n)
     valve[closed] = 0.0
     pressure = PRESSURE_MAX_PA * np.where(np.arange(n) < 60, np.minimum(1.0, np.arange(n) / 20), 0.2)
-    run = run_of(pressure, valve_open=valve)
+    run = make_run(pressure, valve_open=valve)
     (tight,) = angles(engine, Truth(), run)
-    assert np.ptp(tight[closed]) < 1e-3 < tight[45] - tight[-1]  # what is commanded meanwhile does not arrive
+    assert np.ptp(tight[closed]) < 1e-3 < tight[45] - tight[-1]  # a command meanwhile has no effect
     (leaky,) = angles(engine, Truth(Forms(leak_1_s=0.02, leak_power=0.5, leak_filling_s=0.0)), run)
     assert leaky[:50] == pytest.approx(tight[:50], abs=1e-6)
     # dp/dt = −λ √(p₀ p) from p₀: √p falls along a straight line, to (1 − λ t / 2)² after t.
     left = PRESSURE_MAX_PA * (1 - 0.02 * 0.4 * 49.5 / 2) ** 2
-    (held,) = angles(engine, Truth(), run_of(np.full(40, left)))
+    (held,) = angles(engine, Truth(), make_run(np.full(40, left)))
     assert leaky[99] == pytest.approx(held[-1], abs=2e-3)
 
 
@@ -51,11 +51,11 @@ def test_a_joint_with_a_crossbar_rings_at_its_frequency_in_every_engine() -> Non
     bar, n = 1.5e-4, 150
     clock = 0.02 * np.arange(n)
     pressure = PRESSURE_MAX_PA * np.minimum(0.5, np.arange(n) / 20)
-    load = 1e-3 * (np.arange(n) < 60)  # a small load is let go
+    load = 1e-3 * (np.arange(n) < 60)  # a small load is released
     found = {}
     for engine in ALL:
         truth = Truth(body=Body(crossbar_kg_m2=bar))
-        (angle,) = angles(engine, truth, run_of(pressure, load, time_s=clock))
+        (angle,) = angles(engine, truth, make_run(pressure, load, time_s=clock))
         rest = angle[100:]
         crossings = np.flatnonzero(np.diff(np.sign(rest - rest.mean())))
         found[engine] = np.pi * (len(crossings) - 1) / (clock[crossings[-1]] - clock[crossings[0]])
@@ -70,7 +70,7 @@ def test_a_joint_with_a_crossbar_rings_at_its_frequency_in_every_engine() -> Non
 def test_interfaces_are_springs_in_series_and_turn_about_the_modules_axis() -> None:
     robot = ROBOTS["four"]
     n = 20
-    weightless = run_of(np.zeros(n), np.full(n, 1e-3), base_angles_rad=(np.pi / 2, 0.0, 0.0))
+    weightless = make_run(np.zeros(n), np.full(n, 1e-3), base_angles_rad=(np.pi / 2, 0.0, 0.0))
     truth = Truth(body=Body(interface=0.3))
     bones = skeleton(robot, truth.body)
     assert list(bones.module) == [0, -1, 1, -1, 2, -1, 3]
@@ -106,8 +106,8 @@ def test_pieces_lengthen_with_the_pressure_and_angles_stay() -> None:
 
 @pytest.mark.parametrize("engine", BOTH)
 def test_held_ends_bend_less_and_the_middle_as_before(engine: str) -> None:
-    robot, run = ROBOTS["finger"], run_of(PRESSURE_MAX_PA * np.minimum(1, np.arange(60) / 20))
-    horizontal = run_of(run.pressure_pa, base_angles_rad=(np.pi / 2, 0.0, 0.0))  # no weight in the plane
+    robot, run = ROBOTS["finger"], make_run(PRESSURE_MAX_PA * np.minimum(1, np.arange(60) / 20))
+    horizontal = make_run(run.pressure_pa, base_angles_rad=(np.pi / 2, 0.0, 0.0))  # no weight in the plane
     for forms in (Forms(end_base=0.1, end_cap=0.2), Forms(end_base=0.1, end_cap=0.2, end_giving=0.3)):
         plain, held = (
             ENGINES[engine].follow(robot, (horizontal,), Truth(f))[0][-1] for f in (Forms(), forms)
@@ -123,9 +123,9 @@ def test_the_base_turns_about_world_axes_in_their_order() -> None:
 
 
 @pytest.mark.parametrize("engine", BOTH)
-def test_a_rolled_base_takes_the_weight_out_of_the_plane(engine: str) -> None:
+def test_a_rolled_base_takes_the_weight_outside_the_plane(engine: str) -> None:
     load = 0.4 * LOAD_N_M
-    (angle,) = angles(engine, Truth(), run_of(np.zeros(20), load, base_angles_rad=(np.pi / 2, 0.0, 0.0)))
+    (angle,) = angles(engine, Truth(), make_run(np.zeros(20), load, base_angles_rad=(np.pi / 2, 0.0, 0.0)))
     expected = brentq(lambda u: -0.5 * M_E * u * abs(u) - B_E * u - load, -1, 1)
     assert angle[-1] == pytest.approx(expected, abs=2e-6)
 
@@ -133,7 +133,7 @@ def test_a_rolled_base_takes_the_weight_out_of_the_plane(engine: str) -> None:
 def test_a_tendon_pulls_less_behind_a_bend_and_more_when_let_out() -> None:
     n = 200
     wave = PRESSURE_MAX_PA * np.concatenate([np.linspace(0, 1, n), np.linspace(1, 0, n)])
-    run, finger = run_of(wave), ROBOTS["finger"]
+    run, finger = make_run(wave), ROBOTS["finger"]
     free, rough = (
         ENGINES["functional"].follow(finger, (run,), Truth(Forms(tendon=mu)))[0] for mu in (0.0, 0.3)
     )
@@ -143,7 +143,7 @@ def test_a_tendon_pulls_less_behind_a_bend_and_more_when_let_out() -> None:
 
 
 def test_walls_and_bimodulus_change_what_their_names_say() -> None:
-    loads = run_of(
+    loads = make_run(
         np.zeros(60), LOAD_N_M * steps((1.0, -1.0, 0.0), 8.0), base_angles_rad=(np.pi / 2, 0.0, 0.0)
     )
     (plain,) = angles("functional", Truth(), loads)
@@ -153,7 +153,7 @@ def test_walls_and_bimodulus_change_what_their_names_say() -> None:
     assert abs(uneven[15]) > abs(plain[15]) and abs(uneven[35]) < abs(plain[35])  # loads oppose the actuation
 
 
-def test_every_field_of_a_truth_changes_one_record_only() -> None:
+def test_every_field_in_a_truth_changes_one_record_only() -> None:
     names = [*Forms._fields, *Body.__dataclass_fields__, *Sensor.__dataclass_fields__]
     assert len(names) == len(set(names))
 

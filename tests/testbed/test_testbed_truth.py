@@ -31,14 +31,14 @@ from benchmarks.evidence.sets import (
     SPECTRA,
     MeasuredSet,
     SetSpec,
+    draw_noise,
     follow,
     make_set,
-    noise_of,
     noise_sizes,
     signal,
 )
 from benchmarks.evidence.skeleton import Body, readings
-from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Truth, draw, robots_of
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Truth, draw, kind_robots
 from scipy.optimize import brentq
 from tests.slow import slow_among
 
@@ -51,28 +51,28 @@ SIGMA_RAD = 0.01
 END = -13  # the last 5 s
 
 
-def run_of(pressure: Array, moment: float | Array = 0.0, specimen: str = "A", **conditions: float) -> Run:
+def make_run(pressure: Array, moment: float | Array = 0.0, specimen: str = "A", **conditions: float) -> Run:
     return Run("test", specimen, pressure, np.broadcast_to(moment, len(pressure)).copy(), **conditions)
 
 
 def angles(engine: str, truth: Truth, *runs: Run) -> list[Array]:
-    """(t,) angle of one joint in every run."""
+    """Return the (t,) angle of one joint in every run."""
     return [run[:, 0] for run in ENGINES[engine].follow(JOINT, runs, truth)]
 
 
 def change(engine: str, truth: Truth, *runs: Run) -> list[Array]:
-    """What the truth changes, in rad."""
+    """Return the change of the angles by the truth, in rad."""
     pairs = zip(angles(engine, truth, *runs), angles(engine, Truth(), *runs), strict=True)
     return [one - other for one, other in pairs]
 
 
 def loop_area(pressure: Array, angle: Array, samples: int) -> float:
-    """∮ u dp over the last cycle of `samples`, rad·Pa: positive where unloading runs above loading."""
+    """Return ∮ u dp over the last cycle of `samples`, rad·Pa: positive where unloading is above loading."""
     p, u = (np.append(values[-samples:], values[-samples]) for values in (pressure, angle))
     return float(-np.sum(np.diff(p) * (u[1:] + u[:-1]) / 2))
 
 
-def test_worked_number_of_the_contract() -> None:
+def test_worked_number_in_the_contract() -> None:
     read = readings(CHAIN, np.full((1, 8), 0.359718))
     assert read["tip_x_m"][0] == pytest.approx(0.059451, abs=1e-6)
     assert read["tip_z_m"][0] == pytest.approx(-0.007889, abs=1e-6)
@@ -92,7 +92,7 @@ def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float
         weight = JOINT.mass_kg / 2 * GRAVITY_M_S2 * JOINT.length_m / 4 * np.sin(u - pitch)
         return law - load - weight
 
-    (angle,) = angles(engine, Truth(), run_of(p * np.ones(20), load, base_angles_rad=(0.0, pitch, 0.0)))
+    (angle,) = angles(engine, Truth(), make_run(p * np.ones(20), load, base_angles_rad=(0.0, pitch, 0.0)))
     assert angle[-1] == pytest.approx(brentq(balance, -1, 2), abs=2e-6)
 
 
@@ -111,7 +111,7 @@ def test_the_engines_agree_on_the_clean_truth(name: str) -> None:
 @cache
 def made(kind: str, robot: str = "", **more: Any) -> MeasuredSet:
     said = {"snr": 2.0, **more}
-    return make_set(SetSpec(kind, 3, robot=robot or robots_of(kind)[0], **said))
+    return make_set(SetSpec(kind, 3, robot=robot or kind_robots(kind)[0], **said))
 
 
 # The poor protocol shows all but these.
@@ -166,13 +166,13 @@ def test_friction_loops_have_the_same_area_at_every_rate(engine: str) -> None:
     areas = []
     for period in (8, 80):
         pressure = triangles(period, [1.0, 1.0])
-        (angle,) = angles(engine, Truth(forms, body), run_of(pressure))
+        (angle,) = angles(engine, Truth(forms, body), make_run(pressure))
         areas.append(loop_area(pressure, angle, round(period / 0.4)))
     assert areas[0] > 100 and areas[1] == pytest.approx(areas[0], rel=0.15)
 
 
 def expected_viscous_area(damping: float, power: float, period_s: float) -> float:
-    """∮ u dp of a slightly damped hanging joint: the angle is behind by damping · rate^power / stiffness."""
+    """Return ∮ u dp of a slightly damped hanging joint: the angle lags by damping · rate^power / stiffness."""
     p = np.linspace(0, PRESSURE_MAX_PA, 2001)
     weight = JOINT.mass_kg / 2 * GRAVITY_M_S2 * JOINT.length_m / 4  # times sin u, nearly u
     b = B_E - M_A * p + weight
@@ -191,7 +191,7 @@ def test_viscous_loops_grow_as_the_rate_to_its_power(engine: str, power: float) 
     areas = []
     for period in (20, 80):
         pressure = triangles(period, [1.0, 1.0])
-        (angle,) = angles(engine, truth, run_of(pressure))
+        (angle,) = angles(engine, truth, make_run(pressure))
         areas.append(loop_area(pressure, angle, round(period / 0.4)))
         assert areas[-1] == pytest.approx(expected_viscous_area(damping, power, period), rel=0.15)
     assert areas[0] / areas[1] == pytest.approx(4**power, rel=0.15)
@@ -201,7 +201,7 @@ def test_viscous_loops_grow_as_the_rate_to_its_power(engine: str, power: float) 
 def test_mullins_softens_after_the_first_loading_only(engine: str) -> None:
     truth, n = Truth(Forms(mullins=0.3, mullins_scale=0.1)), 50
     once = triangles(20, [1.0])
-    runs = (run_of(triangles(20, [1.0] * 3)), run_of(once), run_of(once, specimen="B"))
+    runs = (make_run(triangles(20, [1.0] * 3)), make_run(once), make_run(once, specimen="B"))
     first, again, other = change(engine, truth, *runs)
     assert np.abs(first[2 : n // 2]).max() < 0.1 * SIGMA_RAD  # the virgin loading
     assert first[n:].max() > 2 * SIGMA_RAD
@@ -213,26 +213,26 @@ def test_mullins_softens_after_the_first_loading_only(engine: str) -> None:
 @pytest.mark.parametrize("engine", BOTH)
 def test_a_supply_lag_is_gone_in_holds_and_vents_slower(engine: str) -> None:
     holds = PRESSURE_MAX_PA * steps((0.6, 1.0, 0.0), 20.0)
-    (lag,) = change(engine, Truth(Forms(lag_s=0.6)), run_of(holds))
+    (lag,) = change(engine, Truth(Forms(lag_s=0.6)), make_run(holds))
     assert np.abs(lag).max() > 3 * SIGMA_RAD
     ends = [slice(50 * k + 50 + END, 50 * k + 50) for k in range(3)]
     assert all(np.abs(lag[end]).max() < 0.02 * SIGMA_RAD for end in ends)
-    loads = run_of(np.full(50, 1e4), LOAD_N_M * np.minimum(1, np.arange(50) / 3))
+    loads = make_run(np.full(50, 1e4), LOAD_N_M * np.minimum(1, np.arange(50) / 3))
     assert np.abs(change(engine, Truth(Forms(lag_s=0.6)), loads)[0]).max() < 1e-6
 
 
 def chamber_after_steps(levels: Array, dt: float, f: Forms) -> Array:
-    """(t,) the pressure in the chamber, Pa, from none, with the levels commanded at steps of dt."""
+    """Return the (t,) pressure in the chamber, Pa, from zero, with the levels commanded at steps of dt."""
     supply = np.zeros(3)
     return np.array([arriving(supply, level, level, 1.0, dt, f) for level in levels])
 
 
 def test_an_orifice_fills_along_a_parabola_and_vents_through_a_smaller_one() -> None:
-    """√Δ falls along a straight line, √p_s (1 − t / 2T); 4 % below it the flow is linear."""
+    """√Δ decreases linearly, √p_s (1 − t / 2T); below 4 % the flow is linear."""
     f, dt = Forms(lag_s=0.5, lag_vent=1.6, lag_linear=0.04, lag_second=1e-6), 0.01
     p = chamber_after_steps(PRESSURE_MAX_PA * np.repeat([1.0, 0.0], 300), dt, f)
     t = dt * np.arange(1, 301)
-    turbulent = t < 0.79  # √Δ comes to √0.04 after 2 T (1 − 0.2)
+    turbulent = t < 0.79  # √Δ reaches √0.04 after 2 T (1 − 0.2)
     wanted = PRESSURE_MAX_PA * (1 - t / 1.0) ** 2
     assert PRESSURE_MAX_PA - p[:300][turbulent] == pytest.approx(wanted[turbulent], rel=1e-9)
     laminar = t > 0.81
@@ -242,7 +242,7 @@ def test_an_orifice_fills_along_a_parabola_and_vents_through_a_smaller_one() -> 
     assert p[300:][venting] == pytest.approx(PRESSURE_MAX_PA * (1 - t[venting] / 1.6) ** 2, rel=1e-6)
 
 
-def test_a_hose_behind_the_orifice_is_late_by_its_time_and_parts_of_a_step_change_little() -> None:
+def test_a_hose_behind_the_orifice_adds_its_delay_and_step_parts_change_little() -> None:
     f = Forms(lag_s=0.5, lag_second=0.2)
     ramp = PRESSURE_MAX_PA * np.linspace(0.0, 1.0, 2001)[1:]
     behind = [chamber_after_steps(ramp, 0.01, one)[-1] for one in (f, f._replace(lag_second=1e-6))]
@@ -253,7 +253,7 @@ def test_a_hose_behind_the_orifice_is_late_by_its_time_and_parts_of_a_step_chang
     assert fine[0] < 0.01 * (fine[-1]) and np.all(np.diff(fine) >= 0)
 
 
-def test_a_supply_of_second_order_overshoots_by_its_damping() -> None:
+def test_a_second_order_supply_overshoots_by_its_damping() -> None:
     zeta = 0.7
     f = Forms(lag_s=0.5, lag_vent=1.0, lag_second=zeta, lag_shape=SECOND_ORDER)
     p = chamber_after_steps(np.full(2000, PRESSURE_MAX_PA), 0.005, f)
@@ -268,7 +268,7 @@ def test_a_supply_of_second_order_overshoots_by_its_damping() -> None:
 
 @pytest.mark.parametrize("engine", ALL)
 def test_a_dead_time_is_added_to_the_lag_on_a_ramp(engine: str) -> None:
-    ramp = run_of(PRESSURE_MAX_PA * np.linspace(0.0, 1.0, 101))
+    ramp = make_run(PRESSURE_MAX_PA * np.linspace(0.0, 1.0, 101))
     late = Truth(Forms(lag_s=0.5, lag_vent=1.0, lag_second=1.0, lag_shape=DEAD_TIME))
     (found,), (plain,) = angles(engine, late, ramp), angles(engine, Truth(), ramp)
     assert found[60] == pytest.approx(np.interp(60 * 0.4 - 1.0, ramp.time_s, plain), abs=2e-4)
@@ -276,7 +276,7 @@ def test_a_dead_time_is_added_to_the_lag_on_a_ramp(engine: str) -> None:
 
 
 def test_a_set_that_is_late_comes_to_what_it_is_at_once_and_a_saturating_one_stops() -> None:
-    held = run_of(PRESSURE_MAX_PA * steps((1.0, 0.0), 40.0))
+    held = make_run(PRESSURE_MAX_PA * steps((1.0, 0.0), 40.0))
     shares = (Forms(set_share=0.05, set_power=1.0), Forms(set_share=0.05, set_power=1.0, set_delay_s=4.0))
     at_once, late = (change("functional", Truth(f), held)[0] for f in shares)
     assert late[-1] == pytest.approx(at_once[-1], abs=0.1 * SIGMA_RAD) and abs(late[5]) < 0.8 * abs(
@@ -288,15 +288,15 @@ def test_a_set_that_is_late_comes_to_what_it_is_at_once_and_a_saturating_one_sto
 
 def test_a_viscoelastic_joint_drifts_in_holds_and_comes_back() -> None:
     forms = Forms(branch_1=0.01, branch_2=0.01, branch_3=0.01, time_1_s=1.5, time_2_s=5.0, time_3_s=15.0)
-    (late,) = change("functional", Truth(forms), run_of(PRESSURE_MAX_PA * steps((1.0,), 200.0)))
+    (late,) = change("functional", Truth(forms), make_run(PRESSURE_MAX_PA * steps((1.0,), 200.0)))
     assert late[4] < -2 * SIGMA_RAD and np.all(np.diff(late[4:]) > 0) and abs(late[-1]) < 0.01 * SIGMA_RAD
-    rates = np.diff(late[4:])  # more than one time: the rate falls by less than a single exponential says
+    rates = np.diff(late[4:])  # the rate falls by less than a single exponential predicts
     assert rates[50] / rates[25] > 1.3 * rates[25] / rates[0]
 
 
-def test_a_set_grows_as_the_square_of_the_largest_angle_and_stays() -> None:
+def test_a_set_grows_as_the_largest_angle_squared_and_stays() -> None:
     levels = PRESSURE_MAX_PA * steps((0.5, 0.0, 1.0, 0.0, 0.4, 0.0), 10.0)
-    run = run_of(levels)
+    run = make_run(levels)
     (angle,) = angles("functional", Truth(Forms(set_share=0.02)), run)
     rests, tops = angle[[49, 99, 149]], [angle[:25].max(), angle[:75].max()]
     assert rests[1] / rests[0] == pytest.approx((tops[1] / tops[0]) ** 2, rel=0.02)
@@ -305,7 +305,7 @@ def test_a_set_grows_as_the_square_of_the_largest_angle_and_stays() -> None:
 
 @pytest.mark.parametrize("engine", BOTH)
 def test_what_is_silent_without_pressure_or_below_contact(engine: str) -> None:
-    loads = run_of(np.zeros(60), LOAD_N_M * steps((1.0, -1.0, 0.0), 8.0))
+    loads = make_run(np.zeros(60), LOAD_N_M * steps((1.0, -1.0, 0.0), 8.0))
     contact = Forms(contact=0.5, contact_at=0.3, contact_power=2.0)
     for forms in (Forms(gain=0.2), Forms(dead_pa=1e3), contact):
         assert np.abs(change(engine, Truth(forms), loads)[0]).max() < 1e-6
@@ -317,7 +317,7 @@ def test_what_is_silent_without_pressure_or_below_contact(engine: str) -> None:
 def test_heat_and_weight_show_in_their_own_runs_only(engine: str) -> None:
     pressure = triangles(20, [1.0])
     conditions = ({}, {"temperature_c": 52.0}, {"base_angles_rad": (0.0, np.pi / 2, 0.0)})
-    runs = [run_of(pressure, **one) for one in conditions]
+    runs = [make_run(pressure, **one) for one in conditions]
     warm = change(engine, Truth(Forms(thermal=0.01)), *runs)
     assert np.abs(warm[0]).max() == 0 and warm[1].max() > 2 * SIGMA_RAD and np.abs(warm[2]).max() == 0
     heavy = change(engine, Truth(body=Body(fitting_kg=0.01)), *runs)
@@ -335,15 +335,15 @@ def test_a_sensor_bias_is_nearly_constant() -> None:
 def test_noise_has_the_variance_and_the_correlation_that_it_states(split: str) -> None:
     spectrum, n, dt = SPECTRA[split], 2000, 0.4
     rng = np.random.default_rng(5)
-    runs = [noise_of(spectrum, dt * np.arange(n), rng) for _ in range(60)]
+    runs = [draw_noise(spectrum, dt * np.arange(n), rng) for _ in range(60)]
     within = [run - run.mean() for run in runs]
-    offsets = [noise_of(spectrum, dt * np.arange(100), rng).mean() for _ in range(2000)]
+    offsets = [draw_noise(spectrum, dt * np.arange(100), rng).mean() for _ in range(2000)]
     assert np.mean([np.var(run) for run in within]) == pytest.approx(1.0, rel=0.03)
     for lag in (1, 5, 10):
         expected = spectrum.coloured_share * np.exp(-lag * dt / spectrum.correlation_s)
         correlation = np.mean([np.mean(run[lag:] * run[:-lag]) for run in within])
         assert correlation == pytest.approx(expected, abs=0.02)
-    lags = np.arange(-99, 100)  # the mean of a run holds the coloured noise's own, too
+    lags = np.arange(-99, 100)  # the mean of a run contains that of the coloured noise, too
     pairs = (100 - np.abs(lags)) * np.exp(-np.abs(lags) * dt / spectrum.correlation_s) / 100**2
     mean = spectrum.coloured_share * pairs.sum() + (1 - spectrum.coloured_share) / 100
     wanted = np.sqrt(spectrum.run_offset**2 + mean)
@@ -357,7 +357,7 @@ def test_two_hidden_effects_are_scaled_one_by_one() -> None:
     bias = both.label["strengths"][0] * 0.015 * both.label["drawn"]["sensor_bias.sign"]
     joined = np.concatenate([run["angle_rad"] for run in both.hidden])
     other = np.concatenate([run["angle_rad"] for run in make_set(SetSpec(CLEAN, 3, protocol="rates")).clean])
-    # Unbent, the bias is what is read.
+    # Unbent, the bias is the reading.
     assert np.median(joined[other < 0.02]) == pytest.approx(bias, abs=0.01)
 
 
@@ -422,7 +422,7 @@ def test_recordings_begin_in_mid_transient_and_hold_what_a_whole_one_does_then()
         assert np.array_equal(one["angle_rad"][run.kept], part["angle_rad"])
 
 
-def test_coarse_samples_are_of_truths_that_are_followed_finely(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_coarse_samples_are_from_truths_that_are_followed_finely(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = protocol("coarse")
     assert all(np.allclose(np.diff(run.time_s), 0.4) for run in runs)
     truth = Truth(Forms(viscous=0.005, viscous_power=0.7))  # of 0.2 s

@@ -10,7 +10,7 @@ from typing import Any
 
 
 def diagnose(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
-    """Always finds stiffness; fails where it can see a label, and ends its process at one set if so wished."""
+    """Return stiffness always; fail where a label is visible, and end the process at one set if requested."""
     assert Path(study).suffix == ".yaml" and "kind: polynomial" in Path(study).read_text()
     assert Path(data[0]).read_text().startswith("run,specimen,time_s,pressure_pa")
     if os.environ.get("STAND_IN_DIES_AT") == Path(study).name.removesuffix("_study.yaml"):

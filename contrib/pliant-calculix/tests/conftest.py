@@ -1,4 +1,4 @@
-"""What the tests share: the box, the sample rubber, whether ccx is there."""
+"""Shared fixtures: the box, the sample rubber, and whether ccx is installed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def box() -> ModuleProblem:
 
 
 def built(interface: str, **block: Any) -> Any:
-    """A component of this environment."""
+    """Return a component of this environment."""
     registry = discover()
     model = registry.get(interface, block["kind"]).config_model()
     return registry.build(interface, model.model_validate(block))

@@ -13,7 +13,7 @@ class Card:
 
 
 def read(text: str) -> list[Card]:
-    """Cards with their data; a line that ends in a comma goes on in the next."""
+    """Return cards with their data; a line that ends in a comma is continued in the next."""
     cards: list[Card] = []
     goes_on = False
     for line in text.splitlines():
@@ -35,7 +35,7 @@ def read(text: str) -> list[Card]:
 
 
 def named(cards: list[Card], keyword: str, **options: str) -> Card:
-    """The only card with this keyword and these options."""
+    """Return the only card with this keyword and these options."""
     found = [
         c for c in cards if c.keyword == keyword and all(c.options.get(k) == v for k, v in options.items())
     ]

@@ -45,7 +45,7 @@ def test_the_decks_law_is_the_material(box: Any, build: Any, law: dict[str, Any]
 
 
 def test_equilibrium_and_thrust(box: Any, rubber: Any) -> None:
-    """Free nodes carry no force, and no net force holds the section: the cap's thrust is in."""
+    """Free nodes carry no force, and the section needs no net force: the cap's thrust is included."""
     here = solver(box, rubber)
     target = Target(PRESSURE_PA, ANGLE_RAD / 2)
     answer = here._run([target], "constrained").points[0]

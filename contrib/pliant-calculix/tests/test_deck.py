@@ -1,4 +1,4 @@
-"""Decks, read back by another hand: what they contain and what is refused. No program is needed."""
+"""Decks, read back by an independent reader: their content and refused problems. ccx is not needed."""
 
 from __future__ import annotations
 
@@ -113,6 +113,21 @@ def test_laws_become_cards(build: Any) -> None:
     card, numbers = hyperelastic(ogden, 1e-6)
     assert card == "*HYPERELASTIC, OGDEN, N=2"
     assert [float(w) for w in numbers.split(",")][:4] == pytest.approx([0.06, 1.3, 0.02, -2.0])
+    named_rubber = build("material", kind="named", name="natural rubber")
+    assert hyperelastic(named_rubber, 1e-6) == hyperelastic(named_rubber.resolved, 1e-6)
+    assert hyperelastic(named_rubber, 1e-6)[0] == "*HYPERELASTIC, OGDEN, N=3"
+
+
+@pytest.mark.parametrize("pa", [1.0, 1e-6])
+def test_no_program_default_enters_in_any_unit(build: Any, pa: float) -> None:
+    """CalculiX uses D2 = D1² for an omitted D2, which is a different solid in Pa than in MPa (its issue 85)."""
+    ogden = build("material", kind="ogden", mu=["60 kPa", "2 kPa", "20 kPa"], alpha=[1.3, 5.0, -2.0])
+    _, *rows = hyperelastic(ogden, pa)
+    *constants, d1, d2, d3 = [float(word) for row in rows for word in row.split(",")]
+    assert constants == pytest.approx([6e4 * pa, 1.3, 2e3 * pa, 5.0, 2e4 * pa, -2.0])
+    assert d1 == pytest.approx(2 / (pa * ogden.bulk_modulus_pa))
+    # W of the higher powers at J = 1.1 is nothing beside that of the first
+    assert max(0.1**4 / d2, 0.1**6 / d3) < 1e-6 * 0.1**2 / d1
 
 
 @pytest.mark.parametrize(

@@ -25,13 +25,13 @@ def test_mesh_has_the_tubes_volume(tube: EccentricTube) -> None:
     assert 4 * cell_volumes(mesh.nodes_m, mesh.cells).sum() == pytest.approx(wanted, rel=1e-4)
 
 
-def test_centroid_of_the_wall_is_that_of_the_mass(tube: EccentricTube) -> None:
+def test_the_wall_centroid_is_the_mass_centroid(tube: EccentricTube) -> None:
     # 6² and 3.5² mm² times 1.2 mm: −12.25 · 1.2 / 23.75 mm
     assert tube.section.centroid_m == pytest.approx(-0.618947e-3, rel=1e-5)
     assert tube.mass(1150.0).end.com_m[2] == pytest.approx(tube.section.centroid_m, rel=1e-12)
 
 
-def test_masses_are_those_of_the_round_section(tube: EccentricTube) -> None:
+def test_masses_equal_the_round_section(tube: EccentricTube) -> None:
     end, section, half = tube.mass(1150.0).end, tube.section, 6e-3
     mass = 1150.0 * section.area_m2 * half
     assert end.mass_kg == pytest.approx(mass, rel=1e-6)

@@ -1,4 +1,4 @@
-"""What the package adds to pymoo: encoding, refused and failed candidates, a state that goes through JSON."""
+"""Tests of the additions to pymoo: encoding, refused and failed candidates, a state stored as JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pliant_pymoo import encoding
 from pliant_pymoo.config import DeConfig, Nsga2Config
 from pliant_pymoo.evolution import De, Evolution, Nsga2
 
-from pliant.interfaces.optimizer import Space, Trial, Variable
+from pliant_search.optimizer import Space, Trial, Variable
 
 VARIABLES = (
     Variable("r", "real", 2e-3, 4e-3),
@@ -30,7 +30,7 @@ def bowl(candidate: Trial) -> Trial:
     return candidate.scored((a - 1.3) ** 2 + (b + 0.4) ** 2)
 
 
-def best_of(search: Evolution, candidates: int, score: Any = bowl) -> float:
+def run_search(search: Evolution, candidates: int, score: Any = bowl) -> float:
     best, tried = np.inf, 0
     while tried < candidates:
         outcomes = [score(c) for c in search.ask(search.batch)]
@@ -68,7 +68,7 @@ def test_the_first_candidate_is_the_guess() -> None:
 def test_differential_evolution_comes_close_to_the_bottom() -> None:
     search = De(DeConfig())
     search.start(BOWL, 5)
-    assert best_of(search, 600) < 1e-6
+    assert run_search(search, 600) < 1e-6
 
 
 def test_refused_candidates_lead_back_to_what_is_allowed() -> None:
@@ -78,7 +78,7 @@ def test_refused_candidates_lead_back_to_what_is_allowed() -> None:
 
     for search in searches():
         search.start(BOWL, 2)
-        assert best_of(search, 600, score) == pytest.approx(0.64, abs=0.02), "the border a = 0.5"
+        assert run_search(search, 600, score) == pytest.approx(0.64, abs=0.02), "the border a = 0.5"
 
 
 def test_failed_evaluations_are_left_behind() -> None:
@@ -88,7 +88,7 @@ def test_failed_evaluations_are_left_behind() -> None:
 
     for search in searches():
         search.start(BOWL, 2)
-        best_of(search, 300, score)
+        run_search(search, 300, score)
         latest = [float(c.values["b"]) for c in search.ask(search.batch)]
         assert np.mean([b < -1 for b in latest]) < 0.2
 
@@ -96,7 +96,7 @@ def test_failed_evaluations_are_left_behind() -> None:
 def test_it_goes_on_where_it_was_interrupted_in_a_generation() -> None:
     for one, other in zip(searches(), searches(), strict=True):
         one.start(BOWL, 9)
-        best_of(one, 50)
+        run_search(one, 50)
         waiting = one.ask(5)
         one.tell([bowl(c) for c in waiting[:3]])
         other.restore(json.loads(json.dumps(one.state(), allow_nan=False)))

@@ -19,7 +19,7 @@ REFERENCE = Quasistatic(QuasistaticConfig())
 
 
 def drawn(count: int, modules: int, rng: np.random.Generator) -> list[Case]:
-    """Fingers of one length with pressures, payloads, pulls and end moments of their own."""
+    """Return fingers of one length, each with its own pressure, payload, pull and end moment."""
     cases = []
     for k in range(count):
         law = softening_law() if k % 2 else linear_law()
@@ -30,7 +30,7 @@ def drawn(count: int, modules: int, rng: np.random.Generator) -> list[Case]:
     return cases
 
 
-def test_chains_of_many_kinds_settle_where_the_quasi_static_engine_has_them() -> None:
+def test_many_chain_kinds_settle_where_the_quasi_static_engine_has_them() -> None:
     rng = np.random.default_rng(0)
     cases = [*drawn(24, 8, rng), *drawn(8, 3, rng)]
     cases.insert(

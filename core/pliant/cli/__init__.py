@@ -1,1 +1,1 @@
-"""The `pliant` command: `app` is the entry point, `verbs` gathers the verbs, `session` holds what they share."""
+"""The `pliant` command: `app` is the entry point, `verbs` gathers the verbs, `session` contains what they share."""

@@ -1,4 +1,4 @@
-"""`pliant`: the entry point. Light, so that Ctrl-C is answered while the rest is still being imported."""
+"""`pliant`: the entry point. It imports little, so that Ctrl-C is handled while the other modules are imported."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pliant.errors import interrupted_at_start
 
 
 def main() -> None:
-    """Entry point of the `pliant` command."""
+    """Run the `pliant` command."""
     try:
         from pliant.cli.verbs import app
 

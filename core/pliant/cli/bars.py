@@ -1,4 +1,4 @@
-"""Progress on standard error: a bar with rate and estimate on a terminal, a line at the end elsewhere."""
+"""Progress on standard error: a bar with rate and estimated time on a terminal, one final line elsewhere."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from rich.progress import Progress as RichProgress
 from rich.progress import Task as RichTask
 from rich.text import Text
 
+from pliant.errors import brief
 from pliant.execution.progress import LogBar, Progress, ProgressBar, Silent
-from pliant.user_text import brief
 
 
 class _Rate(ProgressColumn):
@@ -26,7 +26,7 @@ class _Rate(ProgressColumn):
 
 
 class _Left(ProgressColumn):
-    """Time left; nothing once an estimated number of steps is used up."""
+    """Remaining time; empty once the estimated number of steps is exceeded."""
 
     def render(self, task: RichTask) -> Text:
         left = None if task.finished else task.time_remaining
@@ -81,12 +81,12 @@ class TerminalProgress:
         return LogBar(partial(self.console.print, markup=False), title, total, done)
 
     def note(self, text: str) -> None:
-        # A corrupted artifact or a skipped engine must be heard even with --quiet.
+        # A corrupted artifact or a skipped engine is reported even with --quiet.
         self.console.print(f"note: {brief(text)}", highlight=False, soft_wrap=True, markup=False)
 
 
 class FittingBar:
-    """Progress of diagnoses, two bars for each: single effects, then sets of them, whose number nobody knows."""
+    """Progress of diagnoses: one bar for single effects and one for sets of effects, whose number is not known."""
 
     def __init__(self, progress: Progress, kinds: int) -> None:
         self._progress, self._kinds, self._again, self._sets = progress, kinds, "", False
@@ -118,7 +118,7 @@ class FittingBar:
 
 @contextmanager
 def fitting_bar(progress: Progress, kinds: int) -> Iterator[FittingBar]:
-    """A bar that ends with the block; of a diagnosis that fails before its first fit nothing is told."""
+    """Yield a bar that ends with the block; a diagnosis that fails before its first fit prints nothing."""
     bar = FittingBar(progress, kinds)
     try:
         yield bar

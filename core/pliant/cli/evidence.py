@@ -1,4 +1,4 @@
-"""The verbs of a model and what was measured, as readings or as counts: compare, diagnose."""
+"""The verbs that compare a model with measurements, readings or counts: compare, diagnose."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
-from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.evidence.prediction import Predictor, read_study_measurement
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import displayed_in, listed
-from pliant.measurements.files import sources_of
+from pliant.measurements.files import expand_sources
 from pliant.measurements.written_units import units_as_written
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_document
 from pliant.report.count_hypotheses import counts_diagnosis_document
@@ -59,7 +59,7 @@ Candidates = Annotated[
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
 NEXT_RUN = "next_run.csv"
-# What a diagnosis and its page are computed with, beside effects and engine.
+# Modules that a diagnosis and its page are computed with, besides effects and engine.
 MODULES = ("pliant.report.diagnosis", "pliant.diagnosis.diagnosis", __name__)
 
 
@@ -73,16 +73,16 @@ def compare(
     workers: Fitters = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Model against measurements: errors, noise floor, where it fails."""
+    """Compare the model with measurements: errors, noise floor, where it fails."""
     loaded, bench = here.study(study, overrides), here.bench()
-    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
+    who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
     if (counted := _counted(here, loaded, data)) is not None:
         check_writable(folder)
         here.show(counts_document(loaded.name, counted.counts, compare_counted(bench, counted, who)), folder)
         return
-    measurement = measurement_of(here, bench, loaded, data)
-    predictor = Predictor.of_study(bench, loaded, measurement)
+    measurement = read_session_measurement(here, bench, loaded, data)
+    predictor = Predictor.from_study(bench, loaded, measurement)
     check_writable(folder)
     predicted, comparison = compare_model(predictor)
     here.measured(loaded, measurement)
@@ -98,12 +98,17 @@ def diagnose(
     data: DataFile = None,
     effect: Candidates = None,
     out: Annotated[Path | None, report_folder("diagnose")] = None,
+    page: Annotated[
+        bool, typer.Option("--page/--no-page", help="Write the page, or the result alone.")
+    ] = True,
     workers: Fitters = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Which physical effect is missing, how sure, what to measure next."""
-    loaded, bench = here.study(study, overrides), here.bench()
-    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
+    """Diagnose which physical effect is missing, how sure that is, and what to measure next."""
+    loaded = here.study(study, overrides)
+    here.leave_out_broken_effects()
+    bench = here.bench()
+    who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
     if (counted := _counted(here, loaded, data)) is not None:
         ranges = loaded.measurements.plausible if loaded.measurements else ()
@@ -115,14 +120,15 @@ def diagnose(
         check_writable(folder)
         evidence = count_evidence(bench, counted, [(parameter,) for parameter in parameters], who)
         judged = judge_counts(evidence)
-        here.show(counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry), folder)
+        document = counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry)
+        here.show(document, folder if page else None)
         return
     kinds = candidate_kinds(here.registry, effect or None)
-    measurement = measurement_of(here, bench, loaded, data)
+    measurement = read_session_measurement(here, bench, loaded, data)
     check_writable(folder)
 
     def answer() -> tuple[Document, dict[str, str]]:
-        predictor = Predictor.of_study(bench, loaded, measurement)
+        predictor = Predictor.from_study(bench, loaded, measurement)
         own = own_runs(loaded, predictor.chain, measurement)
         with fitting_bar(here.progress, len(kinds)) as bar:
             found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
@@ -135,26 +141,28 @@ def diagnose(
         )
         return document, {NEXT_RUN: Path(file).read_text(encoding="utf-8")} if file else {}
 
-    # The file of the next run tells the study, the data and the folder by their paths.
+    # The file of the next run names the study, the data and the folder by their paths.
     paths = [str(path) for path in (Path.cwd(), study, folder, *(data or ()))]
-    options = {"kinds": kinds, "asked": effect or [], "paths": paths}
-    stored = stored_answer(Question(bench, loaded, measurement, options, MODULES), answer)
+    options = {"kinds": kinds, "asked": effect or [], "paths": paths, "page": page}
+    stored = stored_answer(Question(bench, loaded, measurement, options, MODULES), answer, page)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     for file, text in stored.files.items():
         write_atomically(folder / file, text)
     here.measured(loaded, measurement)
-    here.show(stored.document, folder, stored)
+    here.show(stored.document, folder if page else None, stored)
 
 
-def measurement_of(here: Session, bench: Workbench, study: Study, data: Sequence[Path] | None) -> Measurement:
-    """The study's measurement, or the files' instead; from here on the verb shows the units of its file."""
-    measurement = measurement_of_study(bench, study, data)
+def read_session_measurement(
+    here: Session, bench: RunContext, study: Study, data: Sequence[Path] | None
+) -> Measurement:
+    """Return the study's measurement, or that of `data`; from here on quantities are shown in its file's units."""
+    measurement = read_study_measurement(bench, study, data)
     here.until_end.enter_context(displayed_in(units_as_written(measurement)))
     return measurement
 
 
 def _counted(here: Session, study: Study, data: Sequence[Path] | None) -> CountedStudy | None:
-    """The study with its file of counts, which comes alone; None where it has readings."""
+    """Return the study with its file of counts, or None where the study has readings; a second file is an error."""
     alone = data[0] if data else None
     if not is_counted(study, alone):
         return None
@@ -177,10 +185,10 @@ def write_runs(
     measurement: Measurement | None = None,
     data: Sequence[Path] | None = None,
 ) -> list[str]:
-    """Write each run under its file's name; returns the paths. `data`: the measurement's files, if not the study's."""
+    """Write each run under its file's name and return the paths; `data`: files read instead of the study's."""
     notes, here = loaded.measurements, Path.cwd()
     named = data or (notes.file if notes is not None else ())
-    files = sources_of(named) if named else []
+    files = expand_sources(named) if named else []
     old = [str(file.relative_to(here) if file.is_relative_to(here) else file) for file in files]
     for name, run in runs:
         write_protocol(

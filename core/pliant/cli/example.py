@@ -1,4 +1,4 @@
-"""`pliant example`: a small study with its data, to try where no checkout is."""
+"""`pliant example`: a small study with its data, to try Pliant without a checkout."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.evidence import DataFile, measurement_of
+from pliant.cli.evidence import DataFile, read_session_measurement
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session
 from pliant.config.study import Study
@@ -43,14 +43,14 @@ def extend(
     force: Force = False,
     full: Full = False,
 ) -> None:
-    """Fits an effect, writes a new study that contains it, with its uncertainty; comments are kept."""
+    """Fit an effect and write a new study that contains it, with its uncertainty; comments are kept."""
     loaded = here.study(study, overrides)
     kinds = _kinds(here, loaded, effect, refit)
     target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
     check_target(study, target, force)
     bench = here.bench()
-    measurement = measurement_of(here, bench, loaded, data)
-    ground = Ground.of(bench, loaded, measurement)
+    measurement = read_session_measurement(here, bench, loaded, data)
+    ground = Ground.from_study(bench, loaded, measurement)
     found = extend_with(ground, loaded.effects, kinds)
     here.measured(loaded, measurement)
     here.result["out"] = None

@@ -1,4 +1,4 @@
-"""`pliant fit`: a law from a study's data set or from a table of anybody's, or a study's meta-model."""
+"""`pliant fit`: a law from a study's data set or from a user's table, or a study's meta-model."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from pliant.pipeline.learning import design_learning_stage
 from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.segments import DesignStages
-from pliant.pipeline.study import DEFAULT_SURROGATE, law_of_table, laws_of_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.study import DEFAULT_SURROGATE, build_study_laws, law_from_table
+from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
+from pliant.registry.blame import blamed_on
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
 from pliant.report.fit_view import ReportedLaw
 from pliant.report.meta import meta_document, stored_meta_page
 from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
 
-# Endings of what is meant as a table; those that are none are told so when they are read.
+# Endings of files that are read as tables; the reader reports a file that is no table.
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".pdf", ".xls", ".xlsx", ".mat", ".parquet", ".lvm", ".asc")
 
 Source = Annotated[
@@ -43,7 +44,7 @@ Compare = Annotated[
     bool,
     typer.Option(
         "--compare",
-        help="Of a table: all installed surrogates side by side; of a meta-model: the study's way beside it.",
+        help="Of a table: all installed surrogates side by side; of a meta-model: the published procedure beside it.",
     ),
 ]
 Out = Annotated[
@@ -84,7 +85,7 @@ def fit(
     next_designs: Next = None,
     learning: Learning = True,
 ) -> None:
-    """The joint law, or the study's meta-model, from data or anybody's table; prints errors on what was left out."""
+    """Fit the joint law, or the study's meta-model, to data or any table; prints errors on held-out data."""
     if source.suffix.lower() in TABLES:
         if overrides:
             raise UserError(
@@ -108,11 +109,11 @@ def fit(
 
 
 def _fit_study(here: Session, loaded: Study, out: Path | None, learning: bool) -> None:
-    """The law of each distinct design of a study; with `out` the page of the fit."""
+    """Fit the law of each distinct design of a study; with `out` write the page of the fit."""
     if out is not None:
         check_writable(out)
     bench = here.bench()
-    designs = laws_of_study(bench, loaded)
+    designs = build_study_laws(bench, loaded)
     shown = [d for d in designs if out is not None or d.law.report is not None]
     fitted = fitted_designs(bench, shown, learning and out is not None)
     inputs = loaded.canonical()
@@ -128,7 +129,7 @@ def fit_meta(
     learning: bool = True,
     compare: bool = False,
 ) -> None:
-    """Fit the meta-model, say how it does on designs left out, and with `count` which designs it lacks most.
+    """Fit the meta-model, print its errors on held-out designs, and with `count` propose the designs to solve next.
 
     With `out` its page is written, with the `learning` curve over designs.
     """
@@ -153,8 +154,8 @@ def fit_meta(
         here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
 
 
-def _beside(here: Session, bench: Workbench, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
-    """The study's way, a network from parameters to coefficients of its form, fitted to the same designs."""
+def _beside(here: Session, bench: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
+    """Fit the published form, a network from parameters to the law's coefficients, to the same designs."""
     try:
         config = (
             bench.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
@@ -178,7 +179,7 @@ def fit_table(
     out: Path | None,
     learning: bool = True,
 ) -> None:
-    """Fit, print, and write what was asked for. Raises `UserError` for whatever is wrong with the table."""
+    """Fit, print, and write what was requested. Raises `UserError` for any error in the table."""
     if out is not None:
         _check_free(source, kind, out)
         check_writable(out)
@@ -190,9 +191,12 @@ def fit_table(
             out.rmdir()
         raise
     fitted, problems = [own], {}
+    if compare:
+        here.note_left_out("surrogate")
     for other in here.registry.kinds("surrogate") if compare else ():
         try:
-            fitted += [_fitted(bench, source, other, False)[1]] if other != kind else []
+            with blamed_on(here.registry.get("surrogate", other), "fit"):
+                fitted += [_fitted(bench, source, other, False)[1]] if other != kind else []
         except (UserError, MissingDependencyError) as error:
             problems[other] = str(error)
     document = table_document(source, stages, fitted, problems)
@@ -204,14 +208,14 @@ def fit_table(
     here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
 
 
-def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
-    stages = law_of_table(bench, source, kind)
+def _fitted(bench: RunContext, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
+    stages = law_from_table(bench, source, kind)
     config: Any = stages.design.surrogate
     return stages, fitted_law(bench, kind, config, stages.law, learning=learning, source=source.name)
 
 
 def _check_free(source: Path, kind: str, out: Path) -> None:
-    """Raise `UserError` where the folder holds a study of another law; one of this law may have been edited."""
+    """Raise `UserError` where the folder contains a study of another law; a study of this law may have been edited."""
     study = out / STUDY
     if study.exists() and _law_line(source, kind, out) not in study.read_text(
         encoding="utf-8", errors="replace"
@@ -220,7 +224,7 @@ def _check_free(source: Path, kind: str, out: Path) -> None:
 
 
 def _write_study(here: Session, source: Path, kind: str, law: JointLaw, out: Path) -> str:
-    """Write the study, unless it is there already, and the result; returns the line that says so."""
+    """Write the study, unless it exists already, and the result; returns the line that reports it."""
     study = out / STUDY
     kept = study.exists()
     if not kept:
@@ -232,16 +236,16 @@ def _write_study(here: Session, source: Path, kind: str, law: JointLaw, out: Pat
 
 
 def _law_line(source: Path, kind: str, out: Path) -> str:
-    """The line of the study that says where its law comes from."""
+    """Return the line of the study that names the source of its law."""
     table = json.dumps(os.path.relpath(source, out).replace(os.sep, "/"))
     return f"surrogate: {{kind: {kind}, data: {table}}}"
 
 
 def _study_text(source: Path, kind: str, law: JointLaw, out: Path) -> str:
-    """A study with this law; the chain's numbers are placeholders that it says."""
+    """Return the text of a study with this law; the chain's numbers are placeholders and marked as such."""
     name = json.dumps(source.stem)
     boxes = [[float(side) for side in sides] for sides in law.domain.actuation.reshape(-1, 2)]
-    rest = [min(max(0.0, low), high) for low, high in boxes[1:]]  # inputs but the first, nearest to none
+    rest = [min(max(0.0, low), high) for low, high in boxes[1:]]  # inputs but the first, nearest to zero
     levels = [f"{value:.6g}" for value in (max(boxes[0], key=abs), *rest)]
     plain = {"pressure_pa": "pressure", "tendon_force_n": "tendon_force"}.get(law.actuation_name)
     inputs = ", ".join(f"{name}: {value}" for name, value in zip(law.actuations, levels, strict=True))

@@ -1,4 +1,4 @@
-"""`pliant import`: how a recording is understood, and a study around it."""
+"""`pliant import`: how a recording is understood, and a study that reads it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
+from pliant import api
 from pliant.cli.options import check_target, report_folder, verb
 from pliant.cli.session import Session, check_writable
 from pliant.measurements.block import files_and_notes
 from pliant.measurements.study_file import write_study
-from pliant.report.importing import read
 
 FILES = typer.Argument(metavar="FILE... [KEY=VALUE]...", help="The recording, and notes: rate='25 Hz'.")
 
@@ -25,11 +25,11 @@ def import_(
     out: Annotated[Path | None, typer.Option(metavar="NEW.yaml", help="Write a study with it.")] = None,
     report: Annotated[Path | None, report_folder("import", "--report")] = None,
 ) -> None:
-    """How a recording is understood, doubts first, and the `measurements` block or a study that reads it."""
+    """Show how a recording is understood, doubts first, and the `measurements` block or a study that reads it."""
     paths, notes = files_and_notes(files)
     if out is not None:
         check_target(study, out)
-    measurement, document = read(paths, notes)
+    measurement, document = api.read(paths, notes)
     folder = report or Path("runs") / f"{_plain_name(paths[0])}-import"
     check_writable(folder)
     here.show(document, folder)
@@ -40,5 +40,5 @@ def import_(
 
 
 def _plain_name(path: Path | str) -> str:
-    """A file's or pattern's stem without the characters that a shell expands."""
+    """Return a file's or pattern's stem without the characters that a shell expands."""
     return re.sub(r"[^\w.-]+", "", Path(path).stem).strip("_-.") or "recording"

@@ -1,4 +1,4 @@
-"""`pliant improve`: compare → diagnose → extend, until the noise floor or an honest stop."""
+"""`pliant improve`: compare → diagnose → extend, until the noise floor or until no step is justified."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, measurement_of
+from pliant.cli.evidence import Candidates, DataFile, read_session_measurement
 from pliant.cli.options import (
     Fitters,
     Force,
@@ -63,15 +63,16 @@ def improve(
     scheduler: Scheduler = None,
     named_only: NamedOnly = False,
 ) -> None:
-    """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
+    """Compare, diagnose and extend until the noise floor or until no step is justified; errors are on held-out data."""
     loaded = here.study(study, overrides)
-    who = loaded.who_works(workers_or_scheduler(workers, scheduler), 1)
+    here.leave_out_broken_effects()
+    who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     kinds = candidate_kinds(here.registry, effect or None)
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
     bench = here.bench()
-    measurement = measurement_of(here, bench, loaded, data)
+    measurement = read_session_measurement(here, bench, loaded, data)
     check_writable(folder)
     with fitting_bar(here.progress, len(kinds)) as bar:
         found = improve_with(

@@ -69,13 +69,13 @@ DEFAULT_STORE = Path(".pliant/store")
 
 
 def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
-    """The option for the folder of a verb's report."""
+    """Return the option for the folder of a verb's report."""
     text = f"Folder of the report; runs/<name>-{verb} by default."
     return typer.Option(option, metavar="DIR", help=text)
 
 
 def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A verb of the command line: its function gets a `Session` first; `--store`, `--json` and `--quiet` are added."""
+    """Return a decorator that makes a function a verb: it gets a `Session` first, `--store`, `--json` and `--quiet`."""
     shared: dict[str, tuple[Any, Any]] = {
         **({"store": (StoreFolder, DEFAULT_STORE)} if store else {}),
         **({"json": (JsonFile, None)} if json else {}),
@@ -91,7 +91,7 @@ def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]
 
         def call(**given: Any) -> None:
             own_store, target = given.pop("store", DEFAULT_STORE), given.pop("json", None)
-            name = function.__name__.rstrip("_").replace("_", "-")  # `import_`: the word is Python's own
+            name = function.__name__.rstrip("_").replace("_", "-")  # `import_`: `import` is a Python keyword
             with session(name, target, given.pop("quiet"), own_store) as here:
                 function(here, **given)
 
@@ -108,7 +108,7 @@ def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]
 
 
 def workers_or_scheduler(workers: int | None, scheduler: str | None) -> int | str | None:
-    """The one that is given; raises `UserError` for both, or for a number of workers that is none."""
+    """Return the given one; raises `UserError` for both, or for an invalid number of workers."""
     if workers is not None and scheduler is not None:
         raise UserError("give --workers or --scheduler, not both; a cluster's workers are its own.")
     return scheduler if workers is None else checked_workers(workers)
@@ -125,10 +125,9 @@ Full = Annotated[
 
 
 def check_target(source: Path | None, target: Path, force: bool | None = None) -> None:
-    """Refuse a place that cannot be written or that holds something, before any work is done.
+    """Raise `UserError`, before any work is done, for a target that exists or cannot be written.
 
-    `source` is the study that the new one comes from, where it comes from one; `force` is None where a verb has no
-    such option.
+    `source` is the study that the new one extends, if any; `force` is None for a verb without that option.
     """
     if os.path.isdir(target):  # noqa: PTH112 - never raises
         raise UserError(

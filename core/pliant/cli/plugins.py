@@ -23,17 +23,26 @@ from rich.text import Text
 from pliant import __version__
 from pliant.cli.options import PluginFiles, verb
 from pliant.cli.session import Session
-from pliant.config.schema import study_schema
+from pliant.config.overrides import parse_block
+from pliant.config.schema import study_schema, without_schema
 from pliant.errors import UserError, closest
-from pliant.registry.component import INTERFACES
+from pliant.formatting import seconds
+from pliant.registry.command import commands
+from pliant.registry.discovery import without_unusable
 from pliant.registry.files import with_files
+from pliant.registry.interface import interfaces
+from pliant.registry.manifests import FRAME
+from pliant.registry.shipped import PACKAGES
 
 CHECK_FAILED = 3
+SHORTEST_S = 0.05  # the time of a shorter check is not shown
 TEMPLATES = resources.files("pliant.cli") / "templates"
-# What a study block of the generated plugin holds beside `kind`, and its line in `pliant plugins`.
+# Keys of the generated plugin's study block besides `kind`, and its line in `pliant plugins`.
 EXAMPLES = {
+    "command": ("{}", "mass and length of a study's chain"),
     "effect": ('{"loss": 0.1}', "a share of the actuation is lost on the way"),
     "family": ("{}", "rectangular tube with its cavity off the axis"),
+    "fem": ('{"pressure_max": "8 kPa"}', "states of a rod by its closed form"),
     "material": ('{"c10": "60 kPa", "c20": "5 kPa"}', "Yeoh rubber, nearly incompressible"),
     "meta_model": ("{}", "terms quadratic in the design's parameters, by least squares"),
     "optimizer": ("{}", "uniform random search"),
@@ -51,14 +60,15 @@ def plugins(
     ] = None,
     file: PluginFiles = None,
 ) -> None:
-    """What is installed, what misses a package, and what failed to load."""
+    """List what is installed, what misses a package, and what failed to load."""
     if study is not None:
         here.study(study, None)
     here.registry = with_files(here.registry, file or ())
     table = Table("interface", "kind", "package", "what it is", box=None, pad_edge=False)
     rows = []
-    for interface in INTERFACES:
-        for component in here.registry.of(interface):
+    for interface in interfaces():
+        here.registry = without_unusable(here.registry, interface)
+        for component in here.registry.by_interface(interface):
             missing = component.missing(lazy=True)
             part = "" if component.missing() else " for part of its work"
             state = f"needs {missing}{part}: {component.install}" if missing else ""
@@ -75,58 +85,84 @@ def plugins(
             if state:
                 text.append(f" (unavailable: {state})", "yellow")
             table.add_row(interface, component.kind, component.package, text)
+    added = [command for command in commands().values() if command.package != FRAME]
+    verbs = [{"name": one.name, "package": one.package, "summary": one.help.split("\n")[0]} for one in added]
+    for verb_row in verbs:
+        table.add_row("command", verb_row["name"], verb_row["package"], verb_row["summary"])
     here.say(table)
     failures = [vars(failure) for failure in here.registry.failures]
     for failure in failures:
         line = f"{failure['name']} ({failure['package']}): {failure['cause']}"
         here.say(Text.assemble(("failed", "red"), f"   {line}"))
-    here.result.update({"components": rows, "failed": failures})
+    here.result.update({"components": rows, "commands": verbs, "failed": failures})
 
 
 @verb(store=False)
 def check(
     here: Session,
-    interface: Annotated[str, typer.Argument(metavar="INTERFACE", help=", ".join(INTERFACES))],
+    interface: Annotated[str, typer.Argument(metavar="INTERFACE", help=", ".join(interfaces()))],
     kind: Annotated[str, typer.Argument(metavar="KIND", help="The plugin's kind.")],
+    config: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[KEY=VALUE]...", help="Keys of its config, as a study has them."),
+    ] = None,
+    clause: Annotated[
+        list[str] | None,
+        typer.Option("--clause", metavar="NAME", help="Run this check alone, may be repeated."),
+    ] = None,
     file: PluginFiles = None,
 ) -> None:
     """Run the conformance suite of an interface on a plugin."""
     from pliant.testing import run_checks
 
     here.registry = with_files(here.registry, file or ())
-    if interface not in INTERFACES:
+    known = interfaces()
+    if interface not in known:
         raise UserError(
-            f"unknown interface '{interface}'{closest(interface, INTERFACES)} "
-            f"Interfaces: {', '.join(INTERFACES)}."
+            f"unknown interface '{interface}'{closest(interface, known)} Interfaces: {', '.join(known)}."
         )
-    outcomes = run_checks(here.registry.get(interface, kind), here.progress)
+    component, changes = here.registry.get(interface, kind), parse_block(config or ())
+    outcomes = run_checks(component, here.progress, changes=changes, clauses=clause or ())
     marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
     for (status, message), alike in groupby(outcomes, key=lambda o: (o.status, o.message)):
-        names = [outcome.name for outcome in alike]
-        many = status == "skipped" and len(names) > 1  # by one cause, whose line shall stay in sight
+        group = list(alike)
+        names = [f"{one.name}  {_time(one.wall_s)}".rstrip() for one in group]
+        many = status == "skipped" and len(names) > 1  # by one cause, whose line stays visible
         for name in [f"{len(names)} checks"] if many else names:
             here.say(f"{marks[status]}  {name}", markup=True)
         if message:
             here.say(f"           {message}")
     counts = {state: sum(o.status == state for o in outcomes) for state in marks}
-    here.say(", ".join(f"{count} {state}" for state, count in counts.items()))
+    total = seconds(sum(o.wall_s for o in outcomes))
+    here.say(", ".join(f"{count} {state}" for state, count in counts.items()) + f"; {total}")
     here.result.update(
         {
             "interface": interface,
             "kind": kind,
             **counts,
-            "checks": [{"name": o.name, "status": o.status, "message": o.message} for o in outcomes],
+            "checks": [
+                {"name": o.name, "status": o.status, "message": o.message, "wall_s": o.wall_s}
+                for o in outcomes
+            ],
         }
     )
     if counts["failed"]:
         here.exit_code = CHECK_FAILED
 
 
+def _time(wall_s: float) -> str:
+    """Return the duration of a check as text; empty for a short one."""
+    return f"{wall_s:.1f} s" if wall_s >= SHORTEST_S else ""
+
+
 @verb(store=False)
 def schema(
     here: Session,
 ) -> None:
-    """JSON schema of a study under the installed plugins, for editors."""
+    """Print the JSON schema of a study under the installed plugins, for editors."""
+    here.note_left_out(*interfaces())
+    for origin in without_schema(here.registry):
+        here.progress.note(f"left out: the config of {origin} has no JSON schema.")
     made = study_schema(here.registry)
     if here.json_target is None and not here.quiet:
         typer.echo(json.dumps(made, indent=1))
@@ -142,7 +178,7 @@ def new_plugin(
     ] = "effect",
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Parent folder of the package.")] = Path(),
 ) -> None:
-    """A third-party package that works and passes its own tests as generated."""
+    """Write a third-party package that works and passes its own tests as generated."""
     files = create_package(name, out, interface)
     here.result["files"] = [str(path) for path in files]
     for path in files:
@@ -166,15 +202,14 @@ def create_package(name: str, folder: Path, interface: str = "effect") -> list[P
     Args:
         name: name of the distribution, such as ``my-finger``; a leading ``pliant-`` is left out of the kind.
         folder: where the package's folder is made.
-        interface: what the plugin shall fill; each has a small real plugin as a start.
+        interface: interface of the plugin; each has a small working plugin as a start.
 
     Raises:
-        UserError: for a name or interface that cannot be, a folder that is not empty or cannot be written.
-            Nothing is left behind.
+        UserError: for an impossible name or interface, or a folder that is not empty or writable; no file is left.
     """
     if interface not in EXAMPLES:
         known = ", ".join(EXAMPLES)
-        why = "has no skeleton yet" if interface in INTERFACES else "is no interface"
+        why = "has no skeleton yet" if interface in interfaces() else "is no interface"
         raise UserError(f"interface '{interface}' {why}{closest(interface, EXAMPLES)} Skeletons: {known}.")
     names = _names(name)
     target = folder / name
@@ -203,7 +238,7 @@ def create_package(name: str, folder: Path, interface: str = "effect") -> list[P
 
 
 def _names(name: str) -> Names:
-    """Check the name: PEP 503's letters, a package that can be imported, a class of its own."""
+    """Return the name's forms; raises for a name that PEP 503, an import or a class name does not allow."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", name):
         raise UserError(
             f"'{name}' is no name for a package: use letters and digits in words joined by '-', such as "
@@ -211,26 +246,23 @@ def _names(name: str) -> Names:
         )
     package = name.lower().replace("-", "_")
     kind = package.removeprefix("pliant_")
-    if (
-        keyword.iskeyword(package)
-        or package in sys.stdlib_module_names
-        or package in ("pliant", "pliant_plugins")
-    ):
+    if keyword.iskeyword(package) or package in sys.stdlib_module_names or package in PACKAGES:
         raise UserError(
             f"'{name}' would hide Python's or Pliant's own module '{package}'; choose another name."
         )
-    if kind in INTERFACES or not kind.isidentifier() or keyword.iskeyword(kind):
+    if kind in interfaces() or not kind.isidentifier() or keyword.iskeyword(kind):
         raise UserError(f"'{kind}' cannot be a kind; choose a name that says what the plugin models.")
     return Names(name, package, kind, "".join(word.capitalize() for word in kind.split("_")))
 
 
 def _texts(names: Names, interface: str) -> dict[str, str]:
-    """Path inside the package → text."""
+    """Return the texts of the package by their paths inside it."""
     example, summary = EXAMPLES[interface]
     values = {
         "name": names.distribution,
         "package": names.package,
         "kind": names.kind,
+        "verb": names.kind.replace("_", "-"),
         "cls": names.cls,
         "interface": interface,
         "example": example,
@@ -247,7 +279,7 @@ def _texts(names: Names, interface: str) -> dict[str, str]:
 
 
 def _next_minor(version: str) -> str:
-    """The first version that may change what a plugin relies on: 0.1.3 → 0.2."""
+    """Return the first version that may change what a plugin relies on: 0.1.3 → 0.2."""
     major, minor = version.split(".")[:2]
     return f"{major}.{int(minor) + 1}"
 

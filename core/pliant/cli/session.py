@@ -1,4 +1,4 @@
-"""One call of the command line: where it prints, what it returns, how it ends."""
+"""One call of the command line: where it prints, what it returns, and its exit code."""
 
 from __future__ import annotations
 
@@ -20,32 +20,34 @@ from rich.segment import Segment
 from pliant import __version__
 from pliant.cli.bars import TerminalProgress
 from pliant.config.loading import load_study
+from pliant.config.places import Places
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.counts import Counts
 from pliant.records.measurement import Measurement
 from pliant.records.plain_values import plain as plain
-from pliant.registry.discovery import discover
-from pliant.registry.files import blamed, with_files
+from pliant.registry.blame import blamed
+from pliant.registry.discovery import discover, left_out, without_unusable
+from pliant.registry.files import with_files
 from pliant.report.document import Document
 from pliant.report.render import page, terminal
 from pliant.report.stage import StoredPage, write_page
-from pliant.report.stored_answer import Answer
+from pliant.report.stored_answer import StoredAnswer
 from pliant.store.store import ArtifactStore, write_atomically
-from pliant.user_text import visible
+from pliant.user_text import escape_controls
 
 LONGEST_NAME = 80
-# Endings of files, which no folder should have.
+# Endings of files, which are refused for folders.
 FILE_ENDINGS = (".yaml", ".yml", ".json", ".html", ".csv")
 
 
 @dataclass
 class Session:
-    """The surroundings of one verb. `result` becomes the JSON, `say` prints for people.
+    """The context of one verb. `result` becomes the JSON, `say` prints for people.
 
-    `path`, `study_name` and `overrides` are of the study that was read, `installed` the plugins that were known before;
-    `until_end` holds contexts that last as long as the verb.
+    `path`, `study_name`, `places` and `overrides` belong to the study that was read, `installed` contains the plugins
+    that were known before; `until_end` keeps contexts that last as long as the verb.
     """
 
     command: str
@@ -56,11 +58,12 @@ class Session:
     store: Path = Path()
     path: Path = Path()
     study_name: str = ""
+    places: Places = field(default_factory=Places)
     overrides: tuple[str, ...] = ()
     until_end: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
-        # With JSON on standard output, words for people go to standard error.
+        # With JSON on standard output, text for people is written to standard error.
         self.out = VisibleConsole(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
         self.err = VisibleConsole(stderr=True, highlight=False)
         self.installed = self.registry = discover()
@@ -71,9 +74,9 @@ class Session:
             self.out.print(text, markup=markup)
 
     def show(
-        self, document: Document, folder: Path | None = None, stored: StoredPage | Answer | None = None
+        self, document: Document, folder: Path | None = None, stored: StoredPage | StoredAnswer | None = None
     ) -> None:
-        """Print a document, keep its JSON, and write its page, `stored` or not, where there is a folder for it."""
+        """Print a document, keep its JSON, and write its page, `stored` or not, if there is a folder for it."""
         self.result.update(document.data)
         for block in terminal(document, has_page=folder is not None):
             self.say(block)
@@ -84,34 +87,49 @@ class Session:
             self.say(f"report   {written}")
 
     def study(self, path: Path, overrides: Sequence[str] | None, uses: Sequence[str] = ()) -> Study:
-        """Read the study, know the plugins that it lists, and say which of its keys this verb does not read.
+        """Read the study, register the plugins that it lists, and note which of its keys this verb does not read.
 
         `uses` names keys that this verb alone reads.
         """
         self.path, self.overrides = path, tuple(overrides or ())
         study = load_study(path, self.registry, self.overrides, self.progress.note)
         self.registry = with_files(self.registry, study.plugins)
-        self.study_name = study.name
+        self.study_name, self.places = study.name, study.places
         if unused := [key for key in study.unused() if key not in uses]:
             self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}'.")
-        if searched := [key for key in study.searched() if key not in uses]:
-            self.progress.note(
-                f"{', '.join(searched)}: for 'pliant optimize'; '{self.command}' takes the study as it is."
-            )
+        for verb, keys in study.read_by().items():
+            others = [key for key in keys if key not in uses]
+            if others and verb != self.command:
+                self.progress.note(
+                    f"{', '.join(others)}: for 'pliant {verb}'; '{self.command}' takes the study as it is."
+                )
         return study
 
+    def leave_out_broken_effects(self) -> None:
+        """Remove effects that cannot be used from the registry, and report them."""
+        self.registry = without_unusable(self.registry, "effect")
+        self.note_left_out("effect")
+
+    def note_left_out(self, *interfaces: str) -> None:
+        """Report which plugins of these interfaces cannot be used; the verb continues without them."""
+        failures = left_out(self.registry, interfaces)
+        for failure in failures:
+            self.progress.note(f"left out: {failure.sentence}")
+        if failures:
+            self.result["left_out_plugins"] = [vars(failure) for failure in failures]
+
     def measured(self, study: Study, data: Measurement | Counts) -> None:
-        """Keep for the JSON which study was held against which data."""
+        """Record for the JSON which study was compared with which data."""
         self.result.update(study=study.name, data=data.source, data_sha256=data.sha256)
 
     @property
     def progress(self) -> TerminalProgress:
-        """Progress on standard error."""
+        """Return the progress display on standard error."""
         return TerminalProgress(self.err, self.quiet)
 
-    def bench(self) -> Workbench:
-        """A workbench on the verb's store."""
-        return Workbench(
+    def bench(self) -> RunContext:
+        """Return a workbench on the verb's store."""
+        return RunContext(
             self.registry, ArtifactStore(self.store.expanduser(), self.study_name), self.progress
         )
 
@@ -127,9 +145,9 @@ def session(command: str, json_target: str | None, quiet: bool, store: Path) -> 
             yield here
         _write_json(here)
     except PliantError as error:
-        here.err.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
+        here.err.print(f"[bold red]error:[/] {escape(here.places.located(str(error)))}", soft_wrap=True)
         raise typer.Exit(error.exit_code) from None
-    except OSError as error:  # a name or a disk that no earlier check could foresee
+    except OSError as error:  # a name or a disk that no earlier check could detect
         place = f"{error.filename}: " if error.filename else ""
         here.err.print(f"error: {place}{error.strerror or error}.", markup=False, soft_wrap=True)
         raise typer.Exit(UserError.exit_code) from None
@@ -138,7 +156,7 @@ def session(command: str, json_target: str | None, quiet: bool, store: Path) -> 
     except Exception as error:
         if interrupted(error):
             _stop(here)
-        sentence = blamed(error)  # effects from a file of the user's own may fail in any way
+        sentence = blamed(error, here.registry.components)  # plugins that are not shipped may fail in any way
         if sentence is None:
             raise
         here.err.print(f"[bold red]error:[/] {escape(sentence)}", soft_wrap=True)
@@ -153,7 +171,7 @@ def _stop(here: Session) -> NoReturn:
 
 
 def _check_json_target(target: str) -> None:
-    """Refuse a file that cannot be written, before any work is done."""
+    """Raise `UserError` for a file that cannot be written, before any work is done."""
     path = Path(target)
     if not target or target.endswith("/") or os.path.isdir(path):  # noqa: PTH112 - never raises
         raise UserError(
@@ -167,7 +185,7 @@ def _check_json_target(target: str) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Make the folder and try to write in it; raises `UserError` before any work is done."""
+    """Create the folder and try to write in it; raises `UserError` before any work is done."""
     if folder.suffix.lower() in FILE_ENDINGS and not folder.exists():
         raise UserError(
             f"{folder} is called as a file, and a folder is written; say {folder.with_suffix('')}, for one."
@@ -196,7 +214,7 @@ def _write_json(here: Session) -> None:
         return
     path = Path(here.json_target)
     try:
-        if path.exists() and not path.is_file():  # /dev/null, a pipe: to be written into, never replaced
+        if path.exists() and not path.is_file():  # /dev/null, a pipe: written to, never replaced
             path.write_text(text + "\n", encoding="utf-8")
         else:
             write_atomically(path.resolve(), text + "\n")
@@ -205,11 +223,11 @@ def _write_json(here: Session) -> None:
 
 
 class VisibleConsole(Console):
-    """rich's console; control codes in texts become "�", its own colours and cursor movements stay."""
+    """rich's console; control codes in texts become "�", its own colours and cursor movements are kept."""
 
     def render(self, renderable: Any, options: Any = None) -> Iterable[Segment]:
-        """Segments of anything that rich prints."""
+        """Yield the segments of anything that rich prints."""
         for segment in super().render(renderable, options):
-            shown = visible(segment.text)
+            shown = escape_controls(segment.text)
             ours = segment.control or shown == segment.text
             yield segment if ours else Segment(shown, segment.style)

@@ -1,4 +1,4 @@
-"""`pliant store`: what the folder of cached results holds, and what is done with it."""
+"""`pliant store`: list, verify, prune, export and import the folder of cached results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pliant.report.store import as_data, store_document
 from pliant.store.archive import import_archive, write_archive
 from pliant.store.inventory import damaged, entries, prune, to_prune
 
-NOT_KEPT = ("report",)  # pages are drawn anew from the data, by the code that is there
+NOT_KEPT = ("report",)  # pages are drawn again from the data, by the installed code
 DAY_S = 86400.0
 
 Verify = Annotated[bool, typer.Option("--verify", help="Read every artifact against its checksums.")]
@@ -59,7 +59,7 @@ def store(
     import_: Import = None,
     out: Out = None,
 ) -> None:
-    """What the store of cached results holds, of which study; verify, prune, export and import it."""
+    """List the cached results in the store by study; verify, prune, export and import them."""
     root = here.store.expanduser()
     asked = [verify, older is not None or most is not None, export is not None, import_ is not None]
     if sum(asked) > 1:

@@ -1,4 +1,4 @@
-"""The `chain` block: how modules become a robot."""
+"""The `chain` block: how modules are assembled to a robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ Vector = tuple[Ratio, Ratio, Ratio]
 class RigidConfig(FrozenModel):
     """A rigid piece: a uniform cylinder along the chain axis, or the section of a module, as an end cap has it.
 
-    A closed end of l + 2t follows its module where a search changes l: ``{module_lengths: 1, length: 3 mm}``.
+    The length of a closed end, l + 2t, follows its module when a search changes l: ``{module_lengths: 1, length: 3
+    mm}``.
     """
 
     length_m: Length = Field(0.0, ge=0, description="along the chain")
@@ -57,7 +58,7 @@ class RigidConfig(FrozenModel):
     )
 
     @model_validator(mode="after")
-    def _radius_of_rods(self) -> RigidConfig:
+    def _check_rod_dimensions(self) -> RigidConfig:
         if self.length_m == 0.0 and self.module_lengths == 0.0:
             raise ValueError("a rigid piece needs a 'length' above 0, or 'module_lengths'")
         if self.section == "module" and self.radius_m is not None:
@@ -65,7 +66,7 @@ class RigidConfig(FrozenModel):
         return self
 
     def along_m(self, module_length_m: float) -> float:
-        """Its length, where the module that it follows has this length."""
+        """Return its length for a given length of the module that it follows."""
         return self.length_m + self.module_lengths * module_length_m
 
 
@@ -95,8 +96,8 @@ class ActuatorConfig(FrozenModel):
 class SegmentConfig(FrozenModel):
     """A run of equal modules, or a rigid piece between modules.
 
-    `family` holds the design parameters that differ from the study's family, `surrogate` is a law of the segment's
-    own; the keys of rods are those that differ from the chain's where there is no family.
+    `family` has the design parameters that differ from the study's family, `surrogate` is a law for this segment
+    alone; without a family, the keys of rods are those that differ from the chain's.
     """
 
     modules: Count | None = Field(None, ge=1, le=4096, description="number of equal modules")
@@ -132,13 +133,13 @@ class SegmentConfig(FrozenModel):
             raise ValueError(
                 "give either 'rotation' (relative to the base) or 'turn' (to the modules before)"
             )
-        # A study that was read and written has all keys: what counts is their values.
+        # A study that was written by Pliant states all keys: only their values count.
         if self.rigid is not None and dict(self) != dict(SegmentConfig.model_construct(rigid=self.rigid)):
             raise ValueError("a rigid piece has a length, a mass and a radius, and nothing of modules")
         return self
 
     def canonical(self) -> dict[str, Any]:
-        """Without actuators where it has none of its own, as keys of earlier chains are."""
+        """Return the JSON values, without empty actuators, so that keys of earlier chains stay equal."""
         return {name: value for name, value in super().canonical().items() if name != "actuators" or value}
 
 
@@ -149,7 +150,7 @@ Command = Annotated[
 
 
 class MountConfig(FrozenModel):
-    """An arm that carries the chain: its file (MJCF), and the site or body at which the base stands."""
+    """An arm that carries the chain: its file (MJCF), and the site or body that carries the base."""
 
     file: Path = Field(description="of the arm, MJCF; its meshes are found from there")
     at: str = Field(min_length=1, description="name of the site or body in whose frame the base's pose is")
@@ -169,7 +170,7 @@ class MountConfig(FrozenModel):
     @model_validator(mode="wrap")
     @classmethod
     def _with_units(cls, value: Any, handler: ModelWrapValidatorHandler[MountConfig]) -> MountConfig:
-        """Whether a position was written as an angle or as a length; the arm's file says which it has to be."""
+        """Record whether a position was written as an angle or as a length; the arm's file decides which is right."""
         made = handler(value)
         if isinstance(value, Mapping) and value is not made:
             texts = {
@@ -179,14 +180,14 @@ class MountConfig(FrozenModel):
         return made
 
     def record(self) -> Mount:
-        """What engines take."""
+        """Return the record for engines."""
         return Mount(
             self.file, self.at, self.keyframe, dict(self.joints), dict(self.ctrl), dict(self._written)
         )
 
 
 def _unit(text: str) -> str:
-    """rad or m, of a text that is one of both."""
+    """Return rad or m, the unit of a text that is one of both."""
     try:
         parse_quantity(text, "rad")
     except UnitError:
@@ -197,7 +198,7 @@ def _unit(text: str) -> str:
 class BaseConfig(FrozenModel):
     """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll.
 
-    In the world or, with `mount`, in the frame of a site or body of somebody else's arm.
+    In the world or, with `mount`, in the frame of a site or body of an arm.
     """
 
     position_m: tuple[Length, Length, Length] = Field((0.0, 0.0, 0.0), description="in the world")
@@ -251,16 +252,16 @@ class ChainConfig(FrozenModel):
         return self
 
     def canonical(self) -> dict[str, Any]:
-        """Without `mount` where there is none, as keys of earlier chains are."""
+        """Return the JSON values, without an empty `mount`, so that keys of earlier chains stay equal."""
         told = super().canonical()
         if self.base.mount is None:
             del told["base"]["mount"]
         return told
 
     def as_segments(self) -> tuple[SegmentConfig, ...]:
-        """The chain as segments, also when only `modules` is given; every turn told as a rotation."""
+        """Return the chain as segments, also when only `modules` is given, with every turn as a rotation."""
         told, rotation = [], 0.0
-        for segment in self.segments or (SegmentConfig(modules=self.modules or 1),):
+        for segment in self.segments or (SegmentConfig.model_construct(modules=self.modules or 1),):
             if segment.turn_rad is not None:
                 rotation += segment.turn_rad
                 segment = segment.model_copy(update={"rotation_rad": rotation, "turn_rad": None})

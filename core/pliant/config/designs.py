@@ -1,4 +1,4 @@
-"""The designs of a study's sweep: names looked up in the family, values parsed, combined, counted."""
+"""The designs of a study's sweep: names are looked up in the family, values parsed, combined and counted."""
 
 from __future__ import annotations
 
@@ -18,10 +18,26 @@ from pliant.errors import UserError, closest
 from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
+from pliant.registry.discovery import Registry
 
 MOST_DESIGNS = 10_000
 DIGITS = 12  # of the values of a range: 0.0055, not 0.005500000000000001
 Where = Callable[[Sequence[Any]], str]
+
+
+MATERIAL = "material."
+# The density does not change a law.
+NO_PART_IN_THE_LAW = ("kind", "density_kg_m3")
+
+
+def material_parameters(material: MaterialConfig) -> dict[str, Any]:
+    """Return the kind of a material and its constants on which a law depends, SI, as `material.…`."""
+    constants = {
+        f"{MATERIAL}{name}": value
+        for name, value in material.canonical().items()
+        if name not in NO_PART_IN_THE_LAW and value is not None
+    }
+    return {f"{MATERIAL}kind": material.kind, **constants}
 
 
 @dataclass(frozen=True)
@@ -29,8 +45,8 @@ class SweptDesign:
     """One design of a sweep.
 
     Attributes:
-        number: its place in the sweep, from 0.
-        changes: what it changes, SI field names → values; those of the material begin with `material.`.
+        number: its index in the sweep, from 0.
+        changes: SI field names → values; those of the material begin with `material.`.
         family, material: the configs with the changes.
         cause: why the family's config refuses this combination; then `family` is the study's own.
     """
@@ -43,14 +59,14 @@ class SweptDesign:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """All parameters of the family and the swept constants of the material, SI."""
+        """Return all parameters of the family and the swept constants of the material, SI."""
         own = {name: value for name, value in self.family.canonical().items() if name != "kind"}
         return {**own, **self.changes}
 
 
 @dataclass(frozen=True)
 class _Parameter:
-    """A name of the sweep as it was written, and what it means."""
+    """A name of the sweep as the study writes it, and the field that it means."""
 
     written: str
     block: str
@@ -67,14 +83,14 @@ class _Parameter:
 
 
 def sweep_designs(study: Study, where: Where = lambda path: "") -> tuple[SweptDesign, ...]:
-    """All designs of the study's sweep, in the order of a nested loop whose first parameter varies slowest.
+    """Return all designs of the study's sweep, in the order of a nested loop whose first parameter varies slowest.
 
     Args:
-        study: has `sweep`.
-        where: names the place of a key path ("finger.yaml, line 3").
+        study: with `sweep`.
+        where: returns the place of a key path ("finger.yaml, line 3").
 
     Raises:
-        UserError: an unknown parameter, values that are none, doubles, too many designs.
+        UserError: an unknown parameter, invalid values, duplicates, too many designs.
     """
     sweep: SweepConfig = study.need("sweep", "this command")
     at = at_place(where(("sweep",)))
@@ -100,6 +116,11 @@ def sweep_designs(study: Study, where: Where = lambda path: "") -> tuple[SweptDe
     return _combined(study, parameters, itertools.product(*axes))
 
 
+def check_sweep(study: Study, registry: Registry, where: Where) -> None:
+    """Raise `UserError`, with its line, for a sweep whose designs cannot be listed."""
+    sweep_designs(study, where)
+
+
 def _combined(
     study: Study, parameters: Sequence[_Parameter], rows: Iterable[tuple[Any, ...]]
 ) -> tuple[SweptDesign, ...]:
@@ -111,7 +132,7 @@ def _combined(
             changes = {p.field: value for p, value in zip(parameters, row, strict=True) if p.block == block}
             try:
                 configs[block] = varied(configs[block], changes) if changes else configs[block]
-            except ValidationError as error:  # each value is possible, this combination is not
+            except ValidationError as error:  # each value is possible, but not this combination
                 cause = cause or sentences(error, type(configs[block]), lambda path: "", (block,))
         changes = {p.name: value for p, value in zip(parameters, row, strict=True)}
         designs.append(SweptDesign(number, changes, configs["family"], configs["material"], cause))
@@ -119,7 +140,7 @@ def _combined(
 
 
 def _parameter(study: Study, written: str, at: str, prefix: str = "") -> _Parameter:
-    """Look a name up in the family, or in the block that it begins with."""
+    """Look a name up in the family, or in the block that its prefix names."""
     block, _, bare = str(written).rpartition(".")
     block = block or "family"
     if block not in SWEPT_BLOCKS:
@@ -143,14 +164,14 @@ def _parameter(study: Study, written: str, at: str, prefix: str = "") -> _Parame
 
 
 def _fields(config: ComponentConfig | None) -> dict[str, str]:
-    """Names that people may write → field."""
+    """Return names that people may write → field."""
     model = type(config)
     names = [name for name in getattr(model, "model_fields", {}) if name != "kind"]
     return {written: name for name in names for written in (written_name(model, name), name)}  # type: ignore[arg-type]
 
 
 def _values(study: Study, parameter: _Parameter, written: Any, where: Where) -> list[Any]:
-    """The values of one parameter, parsed: those of a list, or of a range, both ends included."""
+    """Return the parsed values of one parameter: those of a list, or of a range, both ends included."""
     at, key = at_place(where(parameter.path)), f"'{'.'.join(parameter.path)}'"
     if isinstance(written, list | tuple) and written:
         values = [_parsed(study, parameter, value, where) for value in written]
@@ -182,7 +203,7 @@ def _values(study: Study, parameter: _Parameter, written: Any, where: Where) -> 
 
 
 def _parsed(study: Study, parameter: _Parameter, value: Any, where: Where) -> Any:
-    """One value in SI, judged by the config's own rules for that field; rules of several fields wait."""
+    """Return one value in SI, checked by the config's rules for that field but not those for several fields."""
     config: ComponentConfig = getattr(study, parameter.block)
     try:
         return getattr(varied(config, {parameter.field: value}), parameter.field)
@@ -196,7 +217,7 @@ def _parsed(study: Study, parameter: _Parameter, value: Any, where: Where) -> An
 
 
 def _table(study: Study, path: Path) -> tuple[list[_Parameter], list[tuple[Any, ...]]]:
-    """Designs from a CSV: a header of parameters, then one design per row; '#' begins a comment line."""
+    """Read designs from a CSV: a header of parameters, then one design per row; '#' begins a comment line."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,4 +1,4 @@
-"""Read a study: YAML 1.2 with line numbers, `extends`, overrides, validation by kind."""
+"""Reading of a study: YAML 1.2 with line numbers, `extends`, overrides, validation by kind."""
 
 from __future__ import annotations
 
@@ -14,30 +14,32 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from ruamel.yaml.comments import CommentedMap
 
-from pliant.config.designs import sweep_designs
-from pliant.config.overrides import merge, overridden
+from pliant.config.measurements import ColumnNotes
+from pliant.config.overrides import merge, overridden, with_payload
 from pliant.config.paths import change_paths
+from pliant.config.places import Places
 from pliant.config.problems import at_place, sentences
-from pliant.config.searched import search_variables
 from pliant.config.study import Study, normalised, study_model, varied
-from pliant.config.study_keys import study_key
 from pliant.config.yaml_file import KeyPath, Plain, neighbours, read_yaml
 from pliant.errors import UserError, closest
+from pliant.formatting import listed
 from pliant.interfaces.base import FrozenModel
+from pliant.registry.block import blocks
 from pliant.registry.discovery import Registry
 from pliant.registry.files import not_run_yet, shown, with_files
+from pliant.registry.shipped import REMEDY, shipped_in
 
 Notes = TypeVar("Notes", bound=FrozenModel)
 
 
 @dataclass
 class _Sources:
-    """Where each key was written.
+    """The sources of each key.
 
     Attributes:
         places: "file, line" of each key, or the override that set it.
-        files: that were read, the study first, then its bases.
-        remarks: what a reader should know of them.
+        files: read files, the study first, then its bases.
+        remarks: notes on them for the user.
     """
 
     places: dict[KeyPath, str] = field(default_factory=dict)
@@ -45,7 +47,7 @@ class _Sources:
     remarks: list[str] = field(default_factory=list)
 
     def where(self, path: Sequence[Any]) -> str:
-        """The place of the nearest key that was written."""
+        """Return the place of the nearest key that was written."""
         for end in range(len(path), -1, -1):
             place = self.places.get(tuple(path[:end]))
             if place is not None:
@@ -65,7 +67,7 @@ def load_study(
         path: the YAML file.
         registry: the installed plugins; those of the study's own `plugins` files are added.
         overrides: "key=value" texts with dotted keys, as on the command line; list items by number.
-        note: receives what is no error, such as a base that has changed since it was extended.
+        note: receives warnings, such as a base that has changed since it was extended.
 
     Raises:
         UserError: one line per problem, with file and line.
@@ -74,42 +76,53 @@ def load_study(
     raw, _ = _read_with_bases(path, sources, ())
     for remark in sources.remarks:
         note(remark)
+    _refuse_absent_blocks(raw, sources)
+    stated = normalised(raw)
     for override in overrides:
         raw = overridden(raw, override, sources.places)
     raw = normalised(raw)
     own = _plugin_files(raw, sources)
-    if code := not_run_yet(own):  # before it runs: the study may be someone else's
+    if code := not_run_yet(own):  # before the plugins run: the study may be someone else's
         note(f"{path.name} runs Python code of its own: {', '.join(map(shown, code))}.")
     registry = with_files(registry, own)
+    raw = with_payload(stated, raw, registry, note) if overrides else raw
     try:
         model = study_model(raw, registry)
     except UserError as error:
-        raise UserError(_place_of_kind(str(error), raw, sources) + str(error)) from None
+        raise UserError(_kind_location(str(error), raw, sources) + str(error)) from None
     try:
         study = model.model_validate(raw)
     except ValidationError as error:
         raise UserError(sentences(error, model, sources.where)) from None
+    study.stand_at(Places(sources.places, path.name))
     for number, segment in enumerate(study.chain.segments if study.chain else ()):
-        try:  # a segment's changes are keys of the study's family; their mistakes have their lines too
+        try:  # a segment's changes are keys of the study's family; their errors are reported with lines too
             if study.family is not None and segment.family:
                 varied(study.family, segment.family)
         except ValidationError as error:
             at = ("chain", "segments", number, "family")
             raise UserError(sentences(error, type(study.family), sources.where, at)) from None  # type: ignore[arg-type]
-    if study.sweep is not None:
-        sweep_designs(study, sources.where)  # so that its mistakes have their lines
-    if study.search is not None:
-        search_variables(study, registry, sources.where)
-        robust, verify = study.search.robust, study.search.verify
-        vary, change = robust.vary if robust else {}, verify.change if verify else {}
-        for block, keys in ((("robust", "vary"), vary), (("verify", "change"), change)):
-            for key in keys:
-                study_key(study, registry, key, sources.where(("search", *block, key)))
+    for block in blocks().values():  # so that their errors are reported with lines
+        if (check := block.function("check")) and study.block(block.key) is not None:
+            check(study, registry, sources.where)
     return study
 
 
+def _refuse_absent_blocks(raw: Mapping[str, Any], sources: _Sources) -> None:
+    """Raise `UserError` for blocks of a package that ships with Pliant and is not registered."""
+    absent = [
+        key for key, value in raw.items() if value is not None and key not in blocks() and shipped_in(key)
+    ]
+    if absent:
+        names = listed([f"'{key}'" for key in absent])
+        belong = "belongs" if len(absent) == 1 else "belong"
+        raise UserError(
+            f"{at_place(sources.where(absent[:1]))}{names} {belong} to the package {shipped_in(absent[0])}, {REMEDY}."
+        )
+
+
 def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
-    """The files that `plugins` lists; they are asked for their kinds before the study is validated."""
+    """Return the files that `plugins` lists; their kinds are read before the study is validated."""
     files = raw.get("plugins") or []
     at = at_place(sources.where(("plugins",)))
     if not (isinstance(files, list) and all(isinstance(file, str) for file in files)):
@@ -123,7 +136,7 @@ def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
     return [Path(file) for file in files]
 
 
-def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> str:
+def _kind_location(message: str, raw: Mapping[str, Any], sources: _Sources) -> str:
     for key, block in raw.items():
         blocks = block if isinstance(block, list) else [block]
         for index, item in enumerate(blocks):
@@ -135,10 +148,10 @@ def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> s
 
 
 def load_notes(path: Path, model: type[Notes]) -> Notes | None:
-    """A YAML file that is not a study, validated by `model`; None where it is a study (it has the key `pliant`).
+    """Return a YAML file of notes, validated by `model`; None for a study (it has the key `pliant`).
 
-    Notes may stand below a key `measurements`, as `pliant import` prints them for a study; their `file` is the one
-    that the notes lie beside.
+    Notes may be nested below a key `measurements`, as `pliant import` prints them for a study; their `file` is
+    ignored: it is the measurement in the same folder.
 
     Raises:
         UserError: one line per problem, with file and line.
@@ -152,20 +165,23 @@ def load_notes(path: Path, model: type[Notes]) -> Notes | None:
     if pasted is not None:
         values.pop("file", None)
     try:
-        return model.model_validate(values)
+        notes = model.model_validate(values)
     except ValidationError as error:
         text = sentences(error, model, sources.where)
         raise UserError(text.replace(" of a study", " of this file")) from None
+    if isinstance(notes, ColumnNotes):
+        notes.stand_at(Places(sources.places))
+    return notes
 
 
 @dataclass(frozen=True)
 class StudyFile:
-    """What a study file says, before it is validated.
+    """The contents of a study file before validation.
 
     Attributes:
-        values: merged with its bases, paths absolute, blocks written out as mappings.
+        values: merged with its bases, with absolute paths and blocks as mappings.
         files: the file and its bases.
-        digest: SHA-256 of what the file and its bases say.
+        digest: SHA-256 of the values of the file and its bases.
     """
 
     values: dict[str, Any]
@@ -174,19 +190,19 @@ class StudyFile:
 
     @staticmethod
     def read(path: Path) -> StudyFile:
-        """Raises `UserError` for files that cannot be read."""
+        """Read the file and its bases; raises `UserError` for files that cannot be read."""
         sources = _Sources()
         values, digest = _read_with_bases(path, sources, ())
         return StudyFile(normalised(values), tuple(sources.files), digest)
 
 
 def with_override(values: Mapping[str, Any], override: str) -> dict[str, Any]:
-    """The values of a study file with "key=value" applied."""
+    """Return the values of a study file with "key=value" applied."""
     return normalised(overridden(dict(values), override, {}))
 
 
 def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
-    """The values of a file merged over those of its bases, and their digest."""
+    """Return the values of a file merged over those of its bases, and their digest."""
     data = read_yaml(path)
     resolved = path.resolve()
     if resolved in chain:
@@ -195,7 +211,7 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
     sources.files.append(resolved)
     here = _Sources()
     own = Plain(path, here.places).values(data)
-    extends = base_of(own.pop("extends", None), here.where(("extends",)))
+    extends = parse_extends(own.pop("extends", None), here.where(("extends",)))
     base: dict[str, Any] = {}
     base_digest = ""
     if extends is not None:
@@ -227,8 +243,8 @@ class Extends:
     values_sha256: str = ""
 
 
-def base_of(value: Any, place: str) -> Extends | None:
-    """What `extends` says; raises `UserError` beginning with `place` where it is no file."""
+def parse_extends(value: Any, place: str) -> Extends | None:
+    """Return the value of `extends`; raises `UserError` beginning with `place` for an invalid one."""
     if value is None:
         return None
     if isinstance(value, str):
@@ -242,5 +258,5 @@ def base_of(value: Any, place: str) -> Extends | None:
 
 
 def plain_values(node: Any, path: Path = Path()) -> Any:
-    """What a parsed YAML tree says, as plain values; raises `UserError` for tags and endless aliases."""
+    """Return a parsed YAML tree as plain values; raises `UserError` for tags and endless aliases."""
     return Plain(path).values(node)

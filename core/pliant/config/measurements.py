@@ -1,14 +1,15 @@
-"""The `measurements` block of a study, and the YAML file that may lie beside a measurement."""
+"""The `measurements` block of a study, and the YAML file that may accompany a measurement."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, StringConstraints, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, StringConstraints, model_validator
 
 from pliant.config.chain import Count
+from pliant.config.places import Places
 from pliant.interfaces.base import FrozenModel
-from pliant.units import Angle, Frequency, Length, Ratio, Time
+from pliant.units import Angle, Area, Frequency, Length, Ratio, Time
 
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
@@ -79,7 +80,7 @@ class ExcludedSpan(FrozenModel):
 
 
 def _as_list(value: Any) -> Any:
-    """One text or number stands for a list of one."""
+    """Return a list; one text or number becomes a list of one."""
     return [value] if isinstance(value, str | int | float) else value
 
 
@@ -104,7 +105,7 @@ PER_RUN = "per run"
 
 
 def _as_entries(value: Any) -> Any:
-    """A name, or a list of names, stands for entries without keys."""
+    """Return entries; a name, or a list of names, becomes entries without keys."""
     names = _as_list(value)
     return {name: {} for name in names} if isinstance(names, list | tuple) else value
 
@@ -118,7 +119,7 @@ class CycleLevelsConfig(FrozenModel):
 
 
 class LetGoConfig(FrozenModel):
-    """How a run begins that is held away from rest by its end, and let go."""
+    """The start of a run in which the end is held away from rest and let go."""
 
     at_s: Time | None = Field(None, description="held up to this time_s; up to the first sample by default")
     bend_rad: Angle | None = Field(
@@ -140,7 +141,9 @@ class SensorFrameConfig(FrozenModel):
 
 
 class ColumnNotes(FrozenModel):
-    """What any table may leave unsaid of its columns, in a YAML file of the same stem beside it."""
+    """What any table may leave unsaid of its columns, in a YAML file of the same stem in the same folder."""
+
+    _places: Places = PrivateAttr(default_factory=Places)
 
     rename: dict[Name, Name] = Field(
         default_factory=dict, description="the file's column: Pliant's name, e.g. {bend: angle_rad}"
@@ -154,13 +157,45 @@ class ColumnNotes(FrozenModel):
     decimal: Literal[",", "."] | None = Field(
         None, description="the mark of decimals; then the other one stands between thousands"
     )
+    header: Count | None = Field(
+        None,
+        ge=1,
+        description="line of the header, where another one is taken for it; those above it are not read",
+    )
     table: Name | None = Field(
         None, description="which sheet of a spreadsheet or variable of a .mat, where several"
     )
 
+    @property
+    def places(self) -> Places:
+        """Return where each key was written; empty for notes of Python."""
+        return self._places
+
+    def stand_at(self, places: Places) -> None:
+        """Keep the places where the keys were written, for messages."""
+        self._places = places
+
+    def at(self, otherwise: object, *path: Any) -> str:
+        """Return where a key was written ("first.yaml, line 5"), the nearest above it, or `otherwise`."""
+        known = self._places.of_keys
+        return next(
+            (known[path[:end]] for end in range(len(path), 0, -1) if path[:end] in known), str(otherwise)
+        )
+
+
+class TensileNotes(ColumnNotes):
+    """Data that a tester does not export: the strip's sizes, to convert loads and extensions to stress and stretch."""
+
+    gauge_length_m: Length | None = Field(
+        None, gt=0, description="length at rest that the extension is of, e.g. 25 mm"
+    )
+    section_m2: Area | None = Field(
+        None, gt=0, description="area of the section at rest: width times thickness, e.g. 12 mm^2"
+    )
+
 
 class MeasurementNotes(ColumnNotes):
-    """What a measurement CSV does not say of itself. The file `finger.yaml` beside `finger.csv` holds these keys."""
+    """What a measurement CSV does not state. The file `finger.yaml` next to `finger.csv` contains these keys."""
 
     sigma: dict[Name, float | str] = Field(
         default_factory=dict, description="standard deviation of a sensor, e.g. {angle_rad: 0.5 deg}"
@@ -178,7 +213,7 @@ class MeasurementNotes(ColumnNotes):
         description="of a file of counts: column: key of the task, e.g. {weights: task.extra_weights}",
     )
     rate: Frequency | None = Field(
-        None, gt=0, description="pictures or samples a second, of a column 'frame', e.g. 25 Hz"
+        None, gt=0, description="pictures or samples a second, of a column 'frame' or of all rows, e.g. 25 Hz"
     )
     restarts: Literal["new run"] | None = Field(
         None, description="new run: a clock that begins again begins a run"
@@ -219,7 +254,7 @@ class MeasurementNotes(ColumnNotes):
 
 
 class MeasurementsConfig(MeasurementNotes):
-    """The `measurements` block: the file, and what it does not say of itself (before the YAML beside it)."""
+    """The `measurements` block: the file, and what it does not state (before the YAML in its folder)."""
 
     file: Annotated[Name | tuple[Name, ...], Field(min_length=1)] = Field(
         description="the file, relative to the study; several, or a pattern such as runs/*.csv, are runs in their order"

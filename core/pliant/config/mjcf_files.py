@@ -1,4 +1,4 @@
-"""The files that an MJCF reads, itself first: included files, attached models, meshes, textures, height fields."""
+"""The files that an MJCF reads, including itself: included files, attached models, meshes, textures, height fields."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 ASSETS = {"mesh": "meshdir", "skin": "meshdir", "texture": "texturedir", "hfield": "meshdir"}
 
 
-def files_of(path: Path, known: tuple[Path, ...] = ()) -> tuple[Path, ...]:
-    """All that is there; what cannot be read is left to the engine, which says so. Models in `known` are left out."""
+def referenced_files(path: Path, known: tuple[Path, ...] = ()) -> tuple[Path, ...]:
+    """Return those files that exist, without models in `known`; the engine reports files that it cannot read."""
     found, trees, folders = [path], list[ElementTree.Element](), dict[str, str]()
-    for file in found:  # grows while it is walked
+    for file in found:  # grows while it is iterated over
         try:
             trees.append(ElementTree.parse(file).getroot())
         except (OSError, ElementTree.ParseError):
@@ -25,8 +25,8 @@ def files_of(path: Path, known: tuple[Path, ...] = ()) -> tuple[Path, ...]:
             child = path.parent / element.get("file", "")
             if element.tag == "model" and child.is_file():
                 seen = (*known, *(one.resolve() for one in found))
-                # in folders that its own compiler names
-                found += files_of(child, seen) if child.resolve() not in seen else ()
+                # in the folders that its own compiler element names
+                found += referenced_files(child, seen) if child.resolve() not in seen else ()
             if element.tag in ASSETS:
                 folder = folders.get(ASSETS[element.tag], folders.get("assetdir", ""))
                 names = [value for name, value in element.attrib.items() if name.startswith("file")]

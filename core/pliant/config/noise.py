@@ -1,4 +1,4 @@
-"""The `noise` block: how far a task's conditions vary from trial to trial."""
+"""The `noise` block: the variation of a task's conditions from trial to trial."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pliant.units import Pressure, Ratio
 
 
 class NoiseConfig(FrozenModel):
-    """Half widths of uniform distributions, drawn anew in every trial from the task's seed."""
+    """Half widths of uniform distributions, drawn again in every trial from the task's seed."""
 
     friction: Ratio = Field(0.0, ge=0, lt=1, description="of the coefficient of friction, relative")
     pressure_pa: Pressure = Field(0.0, ge=0, description="of the pressure")
@@ -31,7 +31,7 @@ class UncertaintyConfig(FrozenModel):
     def _enough(self) -> UncertaintyConfig:
         least = (
             math.ceil(self.level / (1 - self.level) - 1e-9) - 1
-        )  # the run of the laws themselves is one more
+        )  # the run with the laws themselves is one more
         if self.samples < least:
             raise ValueError(
                 f"a level of {self.level:g} needs at least {least} samples, and there are {self.samples}"

@@ -1,32 +1,36 @@
-"""Changes of a study: "key=value" texts with dotted keys, how they are merged, and how Python's keywords become them.
+"""Changes of a study: "key=value" texts with dotted keys, their merging, and their conversion from Python keywords.
 
-At a prompt they are ``pressure="20 kPa"``, ``physics="mujoco"``, ``chain={"modules": 10}``.
+At a Python prompt they are ``pressure="20 kPa"``, ``physics="mujoco"``, ``chain={"modules": 10}``.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml.error import YAMLError
 
-from pliant.config.paths import PATH_KEYS
-from pliant.config.study import BLOCKS, Study, allowed_keys
+from pliant.config.paths import path_keys
+from pliant.config.study import Study, allowed_keys
 from pliant.config.yaml_file import DEEPEST, KeyPath, Plain, bounded_yaml
 from pliant.errors import UserError, closest
+from pliant.registry.block import kind_blocks
+from pliant.registry.discovery import Registry
 from pliant.units import strip_unit_suffix
+
+FITTED = ("surrogate", "meta_model")  # blocks whose `data` all kinds share
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Deep merge; changing a block's `kind` clears the block, lists are replaced."""
-    result = dict(base)
+    """Merge changes into a mapping deeply; changing a block's `kind` clears the block, lists are replaced."""
+    result, kinds = dict(base), kind_blocks()
     for key, value in changes.items():
         old = result.get(key)
-        if isinstance(old, str) and key in BLOCKS:
+        if isinstance(old, str) and key in kinds:
             old = {"kind": old}
-        if isinstance(value, str) and key in BLOCKS:
+        if isinstance(value, str) and key in kinds:
             value = {"kind": value}
         if isinstance(old, Mapping) and isinstance(value, Mapping):
             same = value.get("kind", old.get("kind")) == old.get("kind")
@@ -37,7 +41,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def overridden(raw: dict[str, Any], text: str, places: dict[KeyPath, str]) -> dict[str, Any]:
-    """The values with one "a.b=value" applied; `places` learns where that key was written."""
+    """Return the values with one "a.b=value" applied; `places` records where that key was written."""
     key, equals, written = text.partition("=")
     parts = key.strip().split(".")
     if not equals or not all(parts):
@@ -48,17 +52,70 @@ def overridden(raw: dict[str, Any], text: str, places: dict[KeyPath, str]) -> di
         value = Plain(Path("override")).values(bounded_yaml(Path("override")).load(written))
     except (YAMLError, ValueError, LookupError, TypeError, AttributeError, AssertionError, RecursionError):
         value = written
-    if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
+    if (parts[0], parts[-1]) in path_keys() and isinstance(value, str):
         value = str(Path(value).absolute())
     elif parts[0] == "plugins" and isinstance(value, list):
         value = [str(Path(f).absolute()) if isinstance(f, str) else f for f in value]
     path: KeyPath = tuple(int(p) if p.isascii() and p.isdigit() else p for p in parts)
-    places[path] = f"override {text}"
-    return merge(raw, _nested(raw, path, value, text))
+    places.update(dict.fromkeys(_paths(value, path), f"override {text}"))
+    return _with_data(raw, merge(raw, _nested(raw, path, value, text)), path)
+
+
+def with_payload(
+    stated: Mapping[str, Any], raw: dict[str, Any], registry: Registry, note: Callable[[str], None]
+) -> dict[str, Any]:
+    """Return the values of a study with the payload of a task whose kind an override has changed.
+
+    A payload is part of the robot's load, not of the kind of the task. A note says where the new kind has none.
+
+    Args:
+        stated: the values of the files, blocks as mappings.
+        raw: the same with the overrides.
+        registry: knows the kinds.
+        note: receives the sentence.
+    """
+    old, new = stated.get("task"), raw.get("task")
+    if not (isinstance(old, Mapping) and isinstance(new, Mapping)) or old.get("kind") == new.get("kind"):
+        return raw
+    loads = {name: value for name, value in old.items() if strip_unit_suffix(str(name)) == "payload"}
+    if not loads or any(strip_unit_suffix(str(name)) == "payload" for name in new):
+        return raw
+    try:
+        fields = registry.config_model("task", new).model_fields
+    except UserError:
+        return raw
+    if "payload_kg" in fields:
+        return {**raw, "task": {**new, **loads}}
+    note(
+        f"task.kind={new.get('kind')} has no payload, and the one of the study's task is left out; chain.payload hangs "
+        "it on the chain."
+    )
+    return raw
+
+
+def _with_data(raw: Mapping[str, Any], merged: dict[str, Any], path: KeyPath) -> dict[str, Any]:
+    """Return the merged values with the data of blocks of which only the kind changed: all kinds use the same data."""
+    block = path[0]
+    if block not in FITTED or path[1:] not in ((), ("kind",)) or not isinstance(raw.get(block), Mapping):
+        return merged
+    old, new = raw[block], merged[block]
+    if "data" in old and set(new) == {"kind"}:
+        return {**merged, block: {**new, "data": old["data"]}}
+    return merged
+
+
+def _paths(value: Any, at: KeyPath) -> Iterator[KeyPath]:
+    """Yield the paths of a value and of all values in it."""
+    yield at
+    inner = (
+        value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    )
+    for key, item in inner:
+        yield from _paths(item, (*at, key))
 
 
 def _nested(raw: Any, path: KeyPath, value: Any, text: str) -> Any:
-    """The override as a mapping to merge; list items are set in a copy of the list."""
+    """Return the override as a mapping to merge; list items are set in a copy of the list."""
     if not path:
         return value
     head, rest = path[0], path[1:]
@@ -74,18 +131,28 @@ def _nested(raw: Any, path: KeyPath, value: Any, text: str) -> Any:
     return {head: _nested(below, rest, value, text)}
 
 
+def parse_block(texts: Sequence[str]) -> dict[str, Any]:
+    """Return the keys of one block from "key=value" texts. Raises `UserError` for an invalid text."""
+    block: dict[str, Any] = {}
+    for text in texts:
+        block = overridden(block, text, {})
+    return block
+
+
 def as_overrides(study: Study, changes: Mapping[str, Any]) -> list[str]:
-    """The "key=value" overrides of these changes.
+    """Return the "key=value" overrides of these changes.
 
     A key is a block or a value of the study (``physics``, ``effects``), a dotted key (``"chain.modules"``), or the
-    name of a key that stands in one block alone (``pressure`` for ``task.pressure``), with or without its unit.
+    name of a key that occurs in one block only (``pressure`` for ``task.pressure``), with or without its unit.
 
     Raises:
-        UserError: a name that no block has, or that several have.
+        UserError: a name that no block has, or that several blocks have.
     """
     made: list[str] = []
     for key, value in changes.items():
-        made += _assigned(key if "." in key or key in Study.model_fields else _only(study, key), value)
+        if key in FITTED and isinstance(value, Mapping) and "kind" in value and len(value) > 1:
+            value = {"data": None, **value} if getattr(getattr(study, key), "data", None) else value
+        made += _assigned(key if "." in key or key in type(study).model_fields else _only(study, key), value)
     return made
 
 
@@ -98,7 +165,7 @@ def _assigned(key: str, value: Any) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """Numpy numbers, arrays and paths as JSON values."""
+    """Return numpy numbers, arrays and paths as JSON values."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, list | tuple):
@@ -109,9 +176,9 @@ def _plain(value: Any) -> Any:
 
 
 def _only(study: Study, name: str) -> str:
-    """The dotted key of a name that one block alone has."""
+    """Return the dotted key of a name that exactly one block has."""
     wanted, places, known = strip_unit_suffix(name), [], []
-    for block in Study.model_fields:
+    for block in type(study).model_fields:
         config = getattr(study, block)
         fields = getattr(type(config), "model_fields", None)
         if fields is None or block == "measurements":
@@ -124,6 +191,5 @@ def _only(study: Study, name: str) -> str:
         return places[0]
     if places:
         raise UserError(f"'{name}' stands in several blocks: {', '.join(places)}; write one of these.")
-    raise UserError(
-        f"no block of study '{study.name}' has a key '{name}'{closest(wanted, sorted({*known, *Study.model_fields}))}"
-    )
+    near = closest(wanted, sorted({*known, *type(study).model_fields}))
+    raise UserError(f"no block of study '{study.name}' has a key '{name}'{near}")

@@ -1,4 +1,4 @@
-"""A study that can be taken elsewhere: one file without bases, and beside it the files that it reads."""
+"""A portable copy of a study: one file without bases, together with the files that it reads."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import shutil
 from pathlib import Path
 
 from pliant.config.loading import StudyFile
-from pliant.config.mjcf_files import files_of
+from pliant.config.mjcf_files import referenced_files
 from pliant.config.paths import change_paths
-from pliant.config.writing import as_node, name_of_file, yaml_writer
+from pliant.config.writing import as_node, study_name_from_path, yaml_writer
 from pliant.errors import UserError
 
 PATTERN = re.compile(r"[*?\[]")
 
 
 def write_portable(source: Path, folder: Path) -> Path:
-    """Write a study with its files into an empty folder; every path in it is below that folder then.
+    """Write a study with its files into an empty folder; every path in the copy is below that folder.
 
-    Files of one folder stay together, each with the notes (`.yaml` of the same stem) that lie beside it.
+    Files of one folder stay together, each with its notes (`.yaml` of the same stem).
 
     Args:
         source: the study file.
-        folder: where the study and its files come to lie.
+        folder: for the study and its files.
 
     Returns the new study file. Raises `UserError` where a file that the study names cannot be read.
     """
@@ -39,8 +39,8 @@ def write_portable(source: Path, folder: Path) -> Path:
         (folder / place).mkdir(exist_ok=True)
         for one in (*found, *(note for note in notes if note.is_file())):
             _copy(one, folder / place / one.name)
-        if path.suffix.lower() == ".xml":  # an arm: with its meshes, which are found from there
-            for one in files_of(path)[1:]:
+        if path.suffix.lower() == ".xml":  # an arm: with its meshes, whose paths are relative to it
+            for one in referenced_files(path)[1:]:
                 beside = Path(os.path.relpath(one, path.parent))
                 if ".." in beside.parts:
                     raise UserError(f"{path}: it reads {one}, which lies outside its folder; put it inside.")
@@ -49,7 +49,7 @@ def write_portable(source: Path, folder: Path) -> Path:
         return f"{place}/{path.name}"
 
     change_paths(values, carried)
-    target = folder / f"{name_of_file(source) or 'study'}.yaml"
+    target = folder / f"{study_name_from_path(source) or 'study'}.yaml"
     stream = io.StringIO()
     yaml_writer().dump(as_node(values), stream)
     target.write_text(stream.getvalue(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The `posterior` block: how sure the effects of a study are, as the fit that wrote them knew it."""
+"""The `posterior` block: the uncertainty of the effects of a study, as found by the fit that wrote them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Turn pydantic's report into sentences: where (file, line, key), what was wrong, what is allowed."""
+"""Conversion of pydantic's report into sentences: where (file, line, key), what was wrong, what is allowed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PATTERNS = {
 
 
 def at_place(place: str) -> str:
-    """Begins a sentence with its place: "finger.yaml, line 3: "; nothing where that is not known."""
+    """Return the beginning of a sentence with its place: "finger.yaml, line 3: "; empty where it is not known."""
     return f"{place}: " if place else ""
 
 
@@ -39,9 +39,9 @@ def sentences(
     where: Callable[[Sequence[Any]], str],
     at: tuple[Any, ...] = (),
 ) -> str:
-    """One line per problem, at most `MOST`; `where` names the place of a key path ("finger.yaml, line 3").
+    """Return one line per problem, at most `MOST`; `where` returns the place of a key path ("finger.yaml, line 3").
 
-    `at` is the path of the block that `model` describes, for a block that is validated by itself.
+    `at` is the path of the block that `model` describes, for a block that is validated alone.
     """
     details = error.errors()
     lines = []
@@ -75,7 +75,7 @@ def _sentence(detail: Any, model: type[FrozenModel], at: tuple[Any, ...]) -> str
 
 
 def _wanted(detail: Any) -> str:
-    """What is allowed, without pydantic's and Python's words."""
+    """Return what is allowed, without pydantic's and Python's terms."""
     kind, context = detail["type"], detail.get("ctx", {})
     if kind == "too_short":
         return f"it should have at least {context['min_length']} item{'s' * (context['min_length'] > 1)}"
@@ -91,7 +91,7 @@ def _wanted(detail: Any) -> str:
 
 
 def _written(value: Any) -> str:
-    """The value as a study writes it, cut short."""
+    """Return the value as a study writes it, truncated."""
     if value is None:
         return "empty"
     if isinstance(value, bool):
@@ -103,7 +103,7 @@ def _written(value: Any) -> str:
 
 
 def _flow(value: Any) -> str:
-    """A list or block on one line of YAML."""
+    """Return a list or block on one line of YAML."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
@@ -125,7 +125,7 @@ def _model_at(model: type[FrozenModel] | None, path: Sequence[Any]) -> type[Froz
 
 
 def _item(annotation: Any, path: Sequence[Any]) -> Any:
-    """For a tuple of different models (`effects`), the one at the path's index."""
+    """Return the item type at the path's index, for a tuple of different models (`effects`)."""
     arguments = [a for a in get_args(annotation) if a is not Ellipsis]
     index = next((part for part in path if isinstance(part, int)), None)
     if get_origin(annotation) is tuple and index is not None and index < len(arguments):

@@ -14,11 +14,12 @@ from pliant.interfaces.base import FrozenModel
 from pliant.units import Angle, Moment, Time, UnitError, parse_quantity, strip_unit_suffix
 
 _CYCLES = ("period_s", "cycles", "amplitudes")
-# Runs of the default menu, and what of each may be said.
+# Runs of the default menu, and the keys that each allows.
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "slow_cycles": _CYCLES,
     "fast_cycles": _CYCLES,
     "each_input": ("period_s",),
+    "paid_out": ("period_s",),
     "small_loops": ("period_s",),
     "holds": ("levels", "hold_s"),
     "virgin": _CYCLES,
@@ -37,15 +38,15 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "custom": ("times_s", "inputs", "moments_n_m", "pitch_rad", "roll_rad", "temperature_c", "new_specimen"),
 }
 _ALWAYS = ("run", "name", "words", "minutes")
-# Units of what may drive a chain.
+# Units of inputs that can drive a chain.
 DRIVES = ("Pa", "N", "m")
-# A larger number is no share of the largest drive but a pressure whose unit was left out.
+# A larger number is not a share of the largest drive but a pressure without its unit.
 LARGEST_SHARE = 3.0
 Level = float | str
 
 
 class ProtocolConfig(FrozenModel):
-    """One run: its name in the default menu with what is different on this bench, or `custom`.
+    """One run: its name in the default menu with the differences on this bench, or `custom`.
 
     Levels and amplitudes are texts with a unit (`5 kPa`), or plain numbers: shares of the largest that was driven.
     """
@@ -127,7 +128,7 @@ class ProtocolConfig(FrozenModel):
 
 
 def _check(level: Level) -> None:
-    """A text must be a pressure, a force or a travel."""
+    """Check that a text is a pressure, a force or a travel."""
     if not isinstance(level, str):
         return
     problems = []

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+from pydantic import create_model
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from pliant import __version__
-from pliant.config.study import BLOCK_LISTS, BLOCKS, Study
-from pliant.errors import ContractError
+from pliant.config.study import Study, optional_field
+from pliant.registry.block import blocks
 from pliant.registry.component import Component
 from pliant.registry.discovery import Registry
 
 
 def study_schema(registry: Registry) -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of a study file under the installed plugins."""
-    interfaces = dict.fromkeys([*BLOCKS.values(), *BLOCK_LISTS.values()])
-    components = [c for i in interfaces for c in registry.of(i) if _usable(c)]
-    models: list[Any] = [Study, *(c.config_model() for c in components)]
+    """Return the JSON schema (draft 2020-12) of a study file under the installed plugins.
+
+    Plugins that `without_schema` names are left out.
+    """
+    every = blocks()
+    named = dict.fromkeys(block.interface for block in every.values() if block.interface)
+    components = [c for i in named for c in registry.by_interface(i) if _usable(c)]
+    registry = replace(registry, components=tuple(components))
+    added: dict[str, Any] = {
+        key: optional_field(block) for key, block in every.items() if key not in Study.model_fields
+    }
+    study = create_model(Study.__name__, __base__=Study, **added) if added else Study
+    models: list[Any] = [study, *(c.config_model() for c in components)]
     references, top = models_json_schema(
         [(model, "validation") for model in models],
         schema_generator=GenerateJsonSchema,
@@ -28,13 +39,10 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     for component, model in zip(components, models[1:], strict=True):
         by_interface.setdefault(component.interface, []).append(references[model, "validation"])
     properties = schema["properties"]
-    for key, interface in BLOCKS.items():
-        properties[key] = {"oneOf": _alternatives(by_interface, registry, interface)}
-    for key, interface in BLOCK_LISTS.items():
-        properties[key] = {
-            "type": "array",
-            "items": {"oneOf": _alternatives(by_interface, registry, interface)},
-        }
+    for key, block in every.items():
+        if block.interface:
+            one = {"oneOf": _alternatives(by_interface, registry, block.interface)}
+            properties[key] = {"type": "array", "items": one} if block.many else one
     if "RegionMaterials" in top["$defs"]:
         top["$defs"]["RegionMaterials"] |= {
             "additionalProperties": {"oneOf": by_interface.get("material", [])},
@@ -61,11 +69,18 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     return schema
 
 
+def without_schema(registry: Registry) -> list[str]:
+    """Return the names, as in messages, of the plugins whose config has no JSON schema."""
+    return [component.origin for component in registry.components if not _usable(component)]
+
+
 def _usable(component: Component) -> bool:
-    """Whether the config model can be imported; a broken plugin must not take the schema with it."""
+    """Return whether a JSON schema can be made of the config; a broken plugin must not prevent the schema."""
+    if component.shipped:
+        return True
     try:
-        component.config_model()
-    except ContractError:
+        component.config_model().model_json_schema()
+    except Exception:  # an error of pydantic, or of the plugin's own schema
         return False
     return True
 

@@ -1,4 +1,4 @@
-"""The typed study. Plugin blocks get their own config model, found by `kind` when the study is read."""
+"""The typed study. Plugin blocks get the config model of their `kind` when the study is read."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.noise import NoiseConfig, UncertaintyConfig
+from pliant.config.places import Places
 from pliant.config.posterior import PosteriorConfig
 from pliant.config.protocols import ProtocolConfig
-from pliant.config.search import SearchConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
@@ -21,11 +21,12 @@ from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.meta_model import MetaModelConfig
-from pliant.interfaces.optimizer import OptimizerConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
+from pliant.registry.block import Block, blocks, kind_blocks, kind_lists
 from pliant.registry.discovery import Registry
+from pliant.registry.interface import interfaces
 from pliant.units import Ratio, strip_unit_suffix
 
 SWEPT_BLOCKS = ("family", "material")
@@ -35,8 +36,8 @@ RANGE = {"low", "high", "count"}
 class WorkersConfig(FrozenModel):
     """`workers: 2` for processes of this machine, `workers: {kind: dask, address: tcp://host:8786}` for a cluster.
 
-    FEM sweeps, searches with their checks, diagnoses and counted trials are done by them. Results do not depend on
-    who works, and no key of stored data, laws or searches holds it.
+    FEM sweeps, searches with their checks, diagnoses and counted trials use them. Results do not depend on the workers,
+    and no key of stored data, laws or searches includes them.
     """
 
     kind: Literal["processes", "dask"] = Field(
@@ -53,7 +54,7 @@ class WorkersConfig(FrozenModel):
         return {"count": raw} if isinstance(raw, int) and not isinstance(raw, bool) else raw
 
     @model_validator(mode="after")
-    def _one_of_them(self) -> WorkersConfig:
+    def _check_exclusive_keys(self) -> WorkersConfig:
         if self.kind == "dask" and self.address is None:
             raise ValueError("dask needs the 'address' of its scheduler, tcp://host:8786, or its file")
         if self.kind == "dask" and self.count is not None:
@@ -64,14 +65,14 @@ class WorkersConfig(FrozenModel):
 
     @property
     def who(self) -> int | str | None:
-        """A number of processes, a scheduler's address or file; None: a process for each CPU."""
+        """Return a number of processes, or a scheduler's address or file; None: a process for each CPU."""
         return self.address if self.kind == "dask" else self.count
 
 
 class SweepConfig(FrozenModel):
-    """Parameters of the family, as the family block writes them, each with a list of values or a range
-    `{low: 5 mm, high: 7 mm, count: 5}`; every combination is a design. `material.shear_modulus` names a constant
-    of the material. `designs: table.csv` gives one design per row instead, the header naming parameters.
+    """Parameters of the family, as the family block writes them, each with a list of values or a range `{low: 5 mm,
+    high: 7 mm, count: 5}`; every combination is a design. `material.shear_modulus` names a constant of the material.
+    `designs: table.csv` gives one design per row instead, the header naming parameters.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -83,7 +84,7 @@ class SweepConfig(FrozenModel):
     @model_validator(mode="before")
     @classmethod
     def _flat(cls, raw: Any) -> Any:
-        """`material: {shear_modulus: …}`, as overrides write it, is `material.shear_modulus: …`."""
+        """Return `material: {shear_modulus: …}`, as overrides write it, as `material.shear_modulus: …`."""
         if not isinstance(raw, Mapping):
             return raw
         flat: dict[Any, Any] = {}
@@ -96,30 +97,17 @@ class SweepConfig(FrozenModel):
 
     @property
     def axes(self) -> Mapping[str, Any]:
-        """Parameter, as it was written → its values, as they were written."""
+        """Return each parameter → its values, both as the study writes them."""
         return {name: value for name, value in (self.model_extra or {}).items() if value is not None}
 
 
-# Study key → interface of the plugin that its `kind` names.
-BLOCKS = {
-    "family": "family",
-    "material": "material",
-    "fem": "fem",
-    "surrogate": "surrogate",
-    "meta_model": "meta_model",
-    "physics": "physics",
-    "task": "task",
-    "optimizer": "optimizer",
-}
-BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-# Keys that one verb alone reads: `pliant fem` solves a sweep, `pliant optimize` searches.
-OF_FEM = ("sweep",)
-OF_OPTIMIZE = ("search", "optimizer")
 
 
 class Study(FrozenModel):
-    """What a study file says. `cross_check` lists further engines that run the same task for comparison."""
+    """The contents of a study file. `cross_check` lists further engines that run the same task for comparison."""
+
+    _places: Places = PrivateAttr(default_factory=Places)
 
     pliant: Literal[1] = Field(1, description="format version")
     plugins: tuple[Path, ...] = Field(
@@ -149,16 +137,12 @@ class Study(FrozenModel):
     posterior: PosteriorConfig | None = Field(
         None, description="how sure the effects' parameters are; fits write it (docs/extend_and_improve.md)"
     )
-    optimizer: OptimizerConfig | None = Field(None, description="proposes designs; cmaes by default")
     measurements: MeasurementsConfig | None = Field(
         None, description="what the bench recorded (docs/measurement_files.md)"
     )
     sweep: SweepConfig | None = Field(None, description="the designs that `pliant fem` solves")
     meta_model: MetaModelConfig | None = Field(
         None, description="one model over the designs of a sweep, which gives the law of any other"
-    )
-    search: SearchConfig | None = Field(
-        None, description="what `pliant optimize` varies and wants (docs/design_for_a_task.md)"
     )
     uncertainty: UncertaintyConfig | None = Field(
         None, description="carries the error bars of the laws to the tip"
@@ -175,36 +159,60 @@ class Study(FrozenModel):
         description="who works: a number of processes, or a dask cluster (docs/run_a_sweep_on_a_cluster.md)",
     )
 
+    @property
+    def places(self) -> Places:
+        """Return where each key was written; empty for a study that came from no file."""
+        return self._places
+
+    def stand_at(self, places: Places) -> None:
+        """Keep the places where the keys were written, for messages; its measurements keep their own."""
+        self._places = places
+        if self.measurements is not None:
+            self.measurements.stand_at(places.below("measurements"))
+
+    def block(self, key: str) -> Any:
+        """Return the value of a block, of Pliant or of another package; None where the study has none."""
+        return getattr(self, key, None)
+
+    def canonical(self) -> dict[str, Any]:
+        """Return the study as JSON values under SI names; absent blocks of other packages are left out."""
+        values = super().canonical()
+        return {k: value for k, value in values.items() if value is not None or k in Study.model_fields}
+
     def need(self, key: str, what: str) -> Any:
-        """The block `key`, or a `UserError` that says which command needs it."""
-        block = getattr(self, key)
+        """Return the block `key`; raises `UserError` that names the command that needs it."""
+        block = self.block(key)
         if block is None:
             raise UserError(f"study '{self.name}' has no '{key}' block; {what} needs one.")
         return block
 
-    def who_works(self, asked: Any, otherwise: int | None = None) -> Any:
-        """Who was asked to, else whom `workers` names, else `otherwise`; None: a process for each CPU."""
+    def resolve_workers(self, asked: Any, otherwise: int | None = None) -> Any:
+        """Return the requested workers, else those of `workers`, else `otherwise`; None: a process for each CPU."""
         if asked is not None:
             return asked
         return otherwise if self.workers is None else self.workers.who
 
     def unused(self) -> list[str]:
-        """Keys that are set but that no stage of a run reads; those of a search are no part of one: `searched`."""
-        keys = [key for key in OF_FEM if getattr(self, key) is not None]
-        if self.meta_model is not None and self.meta_model.data is None:
-            keys = [key for key in keys if key != "sweep"]  # its designs are what the meta-model is fitted to
+        """Return keys that are set but that no stage of a run reads, without `read_by`."""
+        # A meta-model without a table is fitted to the designs of the sweep.
+        swept = self.meta_model is not None and self.meta_model.data is None
+        keys = ["sweep"] if self.sweep is not None and not swept else []
         if self.meta_model is not None and self.surrogate is not None:
             keys.append("surrogate")  # laws come from the meta-model
         if self.noise is not None and self.task is not None and not self._task_has_noise():
             keys.append("noise")
         return keys
 
-    def searched(self) -> list[str]:
-        """Keys that are set and that `pliant optimize` alone reads."""
-        return [key for key in OF_OPTIMIZE if getattr(self, key) is not None]
+    def read_by(self) -> dict[str, list[str]]:
+        """Return the keys that are set and that only one verb reads, by this verb."""
+        keys: dict[str, list[str]] = {}
+        for block in blocks().values():
+            if block.reader and self.block(block.key) is not None:
+                keys.setdefault(block.reader, []).append(block.key)
+        return keys
 
     def noisy_task(self) -> TaskConfig:
-        """The task's config with the study's noise, where the task knows noise.
+        """Return the task's config with the study's noise, if the task has noise.
 
         Raises:
             UserError: no task, or noise in both places.
@@ -212,7 +220,7 @@ class Study(FrozenModel):
         task: TaskConfig = self.need("task", "a simulation")
         if self.noise is None or not self._task_has_noise():
             return task
-        # Canonical JSON, from which workers read a study, states the task's own default too.
+        # Canonical JSON, from which workers read a study, also states the task's own default.
         default = type(task).model_fields["noise"].get_default(call_default_factory=True)
         stated: Any = task
         if stated.noise != default:
@@ -224,21 +232,17 @@ class Study(FrozenModel):
 
 
 def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:
-    """`Study` with each plugin block typed by the config model of its kind.
+    """Return `Study` with each plugin block typed by the config model of its kind, and the blocks of other packages.
 
     Raises `UserError` for an unknown kind. Blocks that are not mappings with a `kind` keep the base type, so
     that pydantic reports them.
     """
     fields: dict[str, Any] = {}
-    for key, interface in BLOCKS.items():
-        kind = _kind_of(raw.get(key))
-        if kind is not None:
-            fields[key] = (registry.config_model(interface, raw[key]), ...)
-    for key, interface in BLOCK_LISTS.items():
-        blocks = raw.get(key)
-        if isinstance(blocks, list) and blocks and all(_kind_of(block) for block in blocks):
-            models = tuple(registry.get(interface, _kind_of(b) or "").config_model() for b in blocks)
-            fields[key] = (tuple[models], ...)  # type: ignore[valid-type]
+    for key, block in blocks().items():
+        if typed := _typed(block, raw.get(key), registry):
+            fields[key] = (typed, ...)
+        elif key not in Study.model_fields:
+            fields[key] = optional_field(block)
     segments = _segment_models(raw.get("chain"), registry)
     if segments:
         chain = create_model(
@@ -250,12 +254,32 @@ def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:
     return create_model("Study", __base__=Study, **fields)
 
 
+def optional_field(block: Block) -> tuple[Any, Any]:
+    """Return type and default of a block of another package, for `create_model`."""
+    model: Any = interfaces()[block.interface].config_class() if block.interface else block.model_class()
+    if block.many:
+        return tuple[model, ...], Field((), description=block.description)
+    return model | None, Field(None, description=block.description)
+
+
+def _typed(block: Block, value: Any, registry: Registry) -> Any:
+    """Return the type of a block with an interface by the kinds in its value; None without them."""
+    if not block.interface:
+        return None
+    if not block.many:
+        return registry.config_model(block.interface, value) if _block_kind(value) is not None else None
+    if not (isinstance(value, list) and value and all(_block_kind(item) for item in value)):
+        return None
+    models = tuple(registry.get(block.interface, _block_kind(item) or "").config_model() for item in value)
+    return tuple[models]  # type: ignore[valid-type]
+
+
 def _segment_models(chain: Any, registry: Registry) -> tuple[type[SegmentConfig], ...]:
-    """A model for each segment, its own law typed by its kind; none where no segment has a law of its own."""
+    """Return a model for each segment, its own law typed by its kind; empty if no segment has its own law."""
     segments = chain.get("segments") if isinstance(chain, Mapping) else None
     models: list[type[SegmentConfig]] = []
     for segment in segments if isinstance(segments, list) else ():
-        kind = _kind_of(segment.get("surrogate")) if isinstance(segment, Mapping) else None
+        kind = _block_kind(segment.get("surrogate")) if isinstance(segment, Mapping) else None
         if kind is None:
             models.append(SegmentConfig)
         else:
@@ -264,19 +288,19 @@ def _segment_models(chain: Any, registry: Registry) -> tuple[type[SegmentConfig]
     return tuple(models) if any(model is not SegmentConfig for model in models) else ()
 
 
-def _kind_of(block: Any) -> str | None:
+def _block_kind(block: Any) -> str | None:
     kind = block.get("kind") if isinstance(block, Mapping) else None
     return kind if isinstance(kind, str) else None
 
 
 def normalised(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """The study with ``physics: mujoco`` written out as ``physics: {kind: mujoco}``."""
+    """Return the study with ``physics: mujoco`` written out as ``physics: {kind: mujoco}``."""
     study = dict(raw)
-    for key in BLOCKS:
+    for key in kind_blocks():
         if isinstance(study.get(key), str):
             study[key] = {"kind": study[key]}
-    for key in BLOCK_LISTS:
-        if key in study and study[key] is None:  # an empty list, as an empty block is no block
+    for key in kind_lists():
+        if key in study and study[key] is None:  # an empty list, as an empty block means no block
             study[key] = []
         if isinstance(study.get(key), list):
             study[key] = [{"kind": b} if isinstance(b, str) else b for b in study[key]]
@@ -286,25 +310,25 @@ def normalised(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def varied(config: ComponentConfig, changes: Mapping[str, Any]) -> ComponentConfig:
-    """The config with some keys changed, validated anew; keys may be written with or without their unit."""
+    """Return the config with some keys changed and validated again; keys may have their unit or not."""
     values = {strip_unit_suffix(key): value for key, value in config.model_dump(mode="json").items()}
     values.update({strip_unit_suffix(key): value for key, value in changes.items()})
     return type(config).model_validate(values)
 
 
 def allowed_keys(model: type[FrozenModel]) -> list[str]:
-    """Keys as people write them."""
+    """Return the keys as people write them."""
     return [written_name(model, name) for name in model.model_fields]
 
 
 def written_name(model: type[FrozenModel], field: str) -> str:
-    """How a study writes a field: `wall_m` as `wall`, but `k_n` as `k_n` where a model keeps its names."""
+    """Return how a study writes a field: `wall_m` as `wall`, but `k_n` as `k_n` where a model keeps its names."""
     alias = model.model_fields[field].validation_alias
     return alias if isinstance(alias, str) else field
 
 
 def nested_model(annotation: Any) -> type[FrozenModel] | None:
-    """The model inside an annotation such as `X | None` or `tuple[X, ...]`, or None."""
+    """Return the model inside an annotation such as `X | None` or `tuple[X, ...]`, or None."""
     if isinstance(annotation, type) and issubclass(annotation, FrozenModel):
         return annotation
     for argument in get_args(annotation):

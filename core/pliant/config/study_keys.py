@@ -1,4 +1,4 @@
-"""Keys of a study by dots, as a search, a condition or a check writes them: `family.average_radius`,
+"""Dotted keys of a study, as a search, a condition or a check writes them: `family.average_radius`,
 `chain.segments.0.modules`, `task.target.radius`, `effects.0.factor`, `physics.kind`.
 """
 
@@ -14,26 +14,21 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import TypeAdapter, ValidationError
 
 from pliant.config.problems import at_place, sentences
-from pliant.config.study import BLOCKS, Study, varied, written_name
+from pliant.config.study import Study, varied, written_name
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
+from pliant.registry.block import blocks, kind_blocks
 from pliant.registry.discovery import Registry
 from pliant.units import quantities_in
 
 KeyPath = tuple[str | int, ...]
-# What a key holds, as far as a search cares: a choice is a text out of a few, anything else is "other".
+# The type of a key for a search: a choice is one of a few texts, anything else is "other".
 Sort = Literal["real", "integer", "text", "truth", "other"]
-# Keys that say how a study is worked on, not what is simulated.
+# Keys, besides those of blocks that say so, that control the computation and not what is simulated.
 NOT_TO_SET = {
     "pliant": "it is the file's format",
     "name": "it names the output folder",
     "plugins": "they are code",
-    "search": "it is the search itself",
-    "optimizer": "it is what searches",
-    "measurements": "they are what the bench recorded",
-    "posterior": "it is how sure a fit was",
-    "protocols": "they are for the bench",
-    "sweep": "its designs are what the meta-model is fitted to",
     "meta_model.data": "its designs are what the meta-model is fitted to",
 }
 
@@ -45,11 +40,11 @@ class StudyKey:
     Attributes:
         written: as people write it, without unit suffixes.
         path: field names and list indices from the study down.
-        sort: what it holds.
-        unit: SI unit of a number, "" for pure numbers and what is none.
+        sort: type of its value.
+        unit: SI unit of a number, "" for pure numbers and other values.
         annotation: the type with its rules (units, bounds).
-        value: what the study holds there as JSON values; None where it is not given.
-        kinds: of a block's `kind`: the installed kinds.
+        value: the study's value as JSON; None where it is not given.
+        kinds: for a block's `kind`: the installed kinds.
     """
 
     written: str
@@ -65,11 +60,11 @@ class StudyKey:
         return TypeAdapter(self.annotation)
 
     def parsed(self, value: Any, label: str, place: str = "") -> Any:
-        """A value as JSON, SI, judged by the key's own rules.
+        """Return a value as JSON, SI, checked by the key's own rules.
 
         Args:
             value: as a study writes it ("6 mm").
-            label: what it is called in the message (`search.variables.n1.low`).
+            label: its name in the message (`search.variables.n1.low`).
             place: begins the message ("finger.yaml, line 3").
 
         Raises:
@@ -94,26 +89,28 @@ class StudyKey:
 
 
 def study_key(study: Study, registry: Registry, written: str, place: str = "") -> StudyKey:
-    """The key that a dotted text means; names may have their unit (`wall_m`) or not (`wall`).
+    """Return the key that a dotted text means; names may have their unit (`wall_m`) or not (`wall`).
 
     Args:
         study: has the blocks that the key goes through.
-        registry: knows the kinds.
+        registry: with the installed kinds.
         written: the text.
         place: begins an error's message.
 
     Raises:
-        UserError: the study has no such key, or it is none that anybody may set.
+        UserError: the study has no such key, or it cannot be set.
     """
     at = at_place(place)
     parts = [int(p) if p.isascii() and p.isdigit() else p for p in str(written).split(".")]
+    fixed = {**NOT_TO_SET, **{key: block.fixed for key, block in blocks().items() if block.fixed}}
     for name in (str(parts[0]), ".".join(map(str, parts[:2]))):
-        if name in NOT_TO_SET:
-            raise UserError(f"{at}'{written}' cannot be set: {NOT_TO_SET[name]}.")
+        if name in fixed:
+            raise UserError(f"{at}'{written}' cannot be set: {fixed[name]}.")
     head = str(parts[0])
-    if len(parts) == 2 and parts[1] == "kind" and head in BLOCKS:
-        block = getattr(study, head)
-        kinds = tuple(registry.kinds(BLOCKS[head]))
+    kind_of = kind_blocks()
+    if len(parts) == 2 and parts[1] == "kind" and head in kind_of:
+        block = study.block(head)
+        kinds = tuple(registry.kinds(kind_of[head]))
         return StudyKey(written, (head, "kind"), "text", "", str, block.kind if block else None, kinds)
     step = _Step(study, type(study), ())
     for number, part in enumerate(parts):
@@ -123,7 +120,7 @@ def study_key(study: Study, registry: Registry, written: str, place: str = "") -
         if number == 0 and step.value is None:
             raise UserError(f"{at}'{written}' cannot be set: the study has no '{head}' block.")
         if number == 3 and step.path[:2] == ("chain", "segments") and step.path[3] == "family":
-            # Keys of the study's family that differ in the segment: of the family that it comes to.
+            # Keys of the study's family that differ in the segment refer to the family with these changes.
             if study.family is None:
                 raise UserError(f"{at}'{written}' cannot be set: the study has no 'family' block.")
             family = varied(study.family, step.value or {})
@@ -146,7 +143,7 @@ def study_key(study: Study, registry: Registry, written: str, place: str = "") -
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """How far a key has been followed: what the study holds there, its type, the path and the written names."""
+    """The state of following a key: the study's value there, its type, the path and the written names."""
 
     value: Any
     annotation: Any
@@ -154,7 +151,7 @@ class _Step:
     names: tuple[str | int, ...] = ()
 
     def into(self, part: str | int, above: str, start: str) -> _Step:
-        """The step to one part of a dotted key: a field, an item of a list."""
+        """Return the step to one part of a dotted key: a field or an item of a list."""
         model = _model(self.value, self.annotation)
         if model is not None:
             return self._field(model, part, above, start)
@@ -191,7 +188,7 @@ class _Step:
 
 
 def _model(value: Any, annotation: Any) -> type[FrozenModel] | None:
-    """The model that a key's parts are looked up in: of what is there, else of what may be there."""
+    """Return the model in which a key's parts are looked up: that of the value, else that of the annotation."""
     if isinstance(value, FrozenModel):
         return type(value)
     if value is not None:
@@ -201,7 +198,7 @@ def _model(value: Any, annotation: Any) -> type[FrozenModel] | None:
 
 
 def _arms(annotation: Any) -> Iterator[Any]:
-    """The types of a union, without what annotates them."""
+    """Return the types of a union, without their annotations."""
     origin = get_origin(annotation)
     if origin is Annotated:
         yield from _arms(get_args(annotation)[0])
@@ -213,7 +210,7 @@ def _arms(annotation: Any) -> Iterator[Any]:
 
 
 def _items(annotation: Any, index: int) -> Any:
-    """Type of a list's item."""
+    """Return the type of a list's item."""
     for arm in _arms(annotation):
         if get_origin(arm) in (tuple, list):
             items = [a for a in get_args(arm) if a is not Ellipsis]
@@ -222,7 +219,7 @@ def _items(annotation: Any, index: int) -> Any:
 
 
 def _mapping_values(annotation: Any) -> Any:
-    """Type of a mapping's values; None where it is no mapping."""
+    """Return the type of a mapping's values; None for another type."""
     for arm in _arms(annotation):
         if get_origin(arm) in (dict, Mapping):
             return get_args(arm)[1]
@@ -230,7 +227,7 @@ def _mapping_values(annotation: Any) -> Any:
 
 
 def _sort(annotation: Any) -> tuple[Sort, str]:
-    """What a type holds, and the unit that it is annotated with."""
+    """Return the sort of a type, and the unit that it is annotated with."""
     arms = [arm for arm in _arms(annotation) if arm is not type(None)]
     unit = next((one.unit for one in quantities_in(annotation)), "")
     if float in arms:

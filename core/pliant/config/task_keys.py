@@ -37,12 +37,12 @@ class TaskKey:
 
 
 def find_key(task: type[TaskConfig], written: str, endings: Mapping[str, str]) -> TaskKey | None:
-    """The key that a column's name or a dotted text means, None where the task has none of that name.
+    """Return the key that a column's name or a dotted text means; None if the task has no such key.
 
     Args:
         task: the config model.
         written: ``task.pressure``, ``pressure_pa``, ``pressure_kpa``, ``object.radius``.
-        endings: endings of names that are units, in small letters → the unit.
+        endings: endings of names that are units, in lower case → the unit.
     """
     model: type[FrozenModel] | None = task
     path: list[str] = []
@@ -59,7 +59,7 @@ def find_key(task: type[TaskConfig], written: str, endings: Mapping[str, str]) -
 
 
 def need_key(task: type[TaskConfig], written: str, endings: Mapping[str, str], where: str) -> TaskKey:
-    """`find_key`, or a `UserError` that begins with `where` and names the closest key."""
+    """Return `find_key`, or raise `UserError` that begins with `where` and names the closest key."""
     found = find_key(task, written, endings)
     if found is None:
         known = known_keys(task)
@@ -73,12 +73,12 @@ def need_key(task: type[TaskConfig], written: str, endings: Mapping[str, str], w
 
 
 def known_keys(task: type[TaskConfig]) -> list[str]:
-    """Keys that a condition may set, as people write them; those of blocks inside the task too."""
+    """Return the keys that a condition may set, as people write them, including those of blocks inside the task."""
     return [BLOCK + key for key in _keys(task) if key.partition(".")[0] not in NOT_CONDITIONS]
 
 
 def changed_task(task: TaskConfig, changes: Mapping[str, Any]) -> TaskConfig:
-    """The config with dotted keys set, one after another, each validated with its units.
+    """Return the config with dotted keys set, one after another, each validated with its units.
 
     Raises:
         pydantic.ValidationError: a value that the task does not allow.
@@ -89,7 +89,7 @@ def changed_task(task: TaskConfig, changes: Mapping[str, Any]) -> TaskConfig:
 
 
 def value_at(task: TaskConfig, key: TaskKey) -> Any:
-    """What the config holds at a key, SI; None where a block on the way is not given."""
+    """Return the config's value at a key, SI; None where a block above it is not given."""
     value: Any = task
     for part in key.path:
         value = getattr(value, part, None)
@@ -108,7 +108,7 @@ def _changed(config: FrozenModel, path: Sequence[str], value: Any) -> FrozenMode
 
 
 def _field(model: type[FrozenModel], part: str, endings: Mapping[str, str]) -> tuple[str | None, str]:
-    """Field name, and the unit in the written name where it is another than the field's own."""
+    """Return the field's name, and the unit in the written name if it differs from the field's own."""
     for name in model.model_fields:
         if part in (name, written_name(model, name)):
             return name, ""

@@ -1,4 +1,4 @@
-"""Studies that Pliant writes: a base by `extends` and what changed, or on request a file that stands alone."""
+"""Studies that Pliant writes: a base by `extends` and the changes, or on request a self-contained file."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ruamel.yaml.tokens import CommentToken
 
 from pliant.config.loading import (
     StudyFile,
-    base_of,
     load_study,
+    parse_extends,
     plain_values,
     with_override,
 )
@@ -30,21 +30,21 @@ from pliant.registry.discovery import Registry
 from pliant.store.store import whole_file
 from pliant.units import UnitError, parse_quantity, si_unit, strip_unit_suffix
 
-DIGITS = 16  # of the base's digest
+DIGITS = 16  # number of digits of the base's digest
 LONGEST_NAME = 100
-# A remark of an earlier fit gives way to the new one; what people wrote behind it stays.
+# The remark of a new fit replaces that of an earlier one; the user's text after it stays.
 GENERATED = re.compile(r"# (?:fitted to |[^#]* ± )[^#]*(?=#|$)")
 
 
 class StudyDraft:
-    """A study to be written: what a file says with overrides, and changes by key.
+    """A study to be written: the values of a file with overrides, and changes by key.
 
     Attributes:
-        values: of the new study, as a study file has them; paths absolute.
+        values: of the new study, as a study file has them; paths are absolute.
     """
 
     def __init__(self, source: Path, overrides: Sequence[str] = ()) -> None:
-        """Raises `UserError` for a source that cannot be read."""
+        """Read the source; raises `UserError` for one that cannot be read."""
         self._source = source
         self._base = StudyFile.read(source)
         self.values: dict[str, Any] = copy.deepcopy(self._base.values)
@@ -56,9 +56,9 @@ class StudyDraft:
         """Set one value; a changed `kind` clears its block, as it does on reading.
 
         Args:
-            path: keys, with or without their unit, and item numbers; the number behind the last adds an item.
+            path: keys, with or without their unit, and item numbers; the number after the last adds an item.
             value: as a study file has it.
-            remark: becomes a comment behind it.
+            remark: becomes a comment after it.
         """
         node: Any = self.values
         written: list[Any] = []
@@ -79,14 +79,14 @@ class StudyDraft:
             self._remarks[tuple(written)] = " ".join(remark.split()).replace("#", "no. ")
 
     def name_after(self, target: Path) -> str:
-        """Give the study a name of its own, after its file; that of an override stays.
+        """Name the study after its file; the name of an override stays.
 
-        The output folders of commands are called after the study: with its base's name it would write over them.
+        The output folders of commands are named after the study: with its base's name it would overwrite them.
         """
         base, now = str(self._base.values["name"]), str(self.values["name"])
         if now != base:
             return now
-        stem, own = name_of_file(self._source), name_of_file(target)
+        stem, own = study_name_from_path(self._source), study_name_from_path(target)
         named = f"{base}{own.removeprefix(stem)}" if own.startswith(stem) else own
         named = f"{base}-2" if named in ("", base) else named
         self.values["name"] = named[-LONGEST_NAME:].lstrip("-._")
@@ -97,12 +97,12 @@ class StudyDraft:
         self.values.pop(key, None)
 
     def text(self, target: Path, full: bool = False, head: str = "") -> str:
-        """The YAML text.
+        """Return the YAML text.
 
         Args:
-            target: where it will lie; paths in it are relative to its folder.
-            full: everything in one file, comments of the source kept, instead of a base and what changed. Also where
-                a base cannot be merged with the change (a key that is gone from a block).
+            target: its future path; paths in it are relative to its folder.
+            full: everything in one file, with the comments of the source, instead of a base and the changes. Also
+                used where merging over a base cannot give the change (a key removed from a block).
             head: a comment at the top.
         """
         folder = target.resolve().parent
@@ -131,12 +131,12 @@ class StudyDraft:
     def write(
         self, target: Path, meant: Mapping[str, Any], registry: Registry, full: bool = False, head: str = ""
     ) -> None:
-        """Write the study, whole or not at all; see `text`.
+        """Write the study, completely or not at all; see `text`.
 
         Args:
             target: the new file.
-            meant: the study as canonical values, which the file must read back as.
-            registry: as it was before the study's own plugin files were read.
+            meant: the canonical values that reading the file must give.
+            registry: without the study's own plugin files.
             full: see `text`.
             head: see `text`.
 
@@ -150,7 +150,7 @@ class StudyDraft:
             _check(partial, meant, registry)
 
     def _whole(self, folder: Path) -> CommentedMap:
-        """The source and its bases as one tree with their comments, changed to the draft's values."""
+        """Return the source and its bases as one tree with their comments, changed to the draft's values."""
         absolute: set[str] = set()
         tree = _tree(self._source, folder, absolute)
         values = copy.deepcopy(self.values)
@@ -161,7 +161,7 @@ class StudyDraft:
 
 
 def refuse_bases(target: Path, source: StudyFile) -> None:
-    """Raise `UserError` where a new study would be written over the one that it comes from, or over a base of it."""
+    """Raise `UserError` where a new study would overwrite the study that it comes from, or one of its bases."""
     if target.resolve() == source.files[0]:
         raise UserError(f"{target} is the study itself, which is never overwritten; give another --out.")
     if target.resolve() in source.files:
@@ -170,13 +170,13 @@ def refuse_bases(target: Path, source: StudyFile) -> None:
         )
 
 
-def name_of_file(path: Path) -> str:
-    """A file's stem as the name of a study: what a name cannot hold becomes a hyphen; may be empty."""
+def study_name_from_path(path: Path) -> str:
+    """Return a file's stem as the name of a study: characters that a name cannot have become a hyphen; may be empty."""
     return re.sub(r"[^A-Za-z0-9._]+", "-", path.stem).strip("-._")
 
 
 def yaml_writer() -> YAML:
-    """How YAML is written: blocks indented by two, no line broken."""
+    """Return the YAML writer: blocks indented by two, no line broken."""
     yaml = YAML(typ="rt")
     yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.width, yaml.preserve_quotes = 10_000, True
@@ -184,7 +184,7 @@ def yaml_writer() -> YAML:
 
 
 def _written_key(node: Any, key: Any) -> Any:
-    """The key as a mapping has it: `shear_modulus` may stand as `shear_modulus_pa`; a new one without its unit."""
+    """Return the key as a mapping has it: `shear_modulus` may be written `shear_modulus_pa`; a new key has no unit."""
     if not isinstance(node, dict):
         return int(key)
     bare = strip_unit_suffix(str(key))
@@ -196,7 +196,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _changes(base: Mapping[str, Any], new: Mapping[str, Any], top: bool = True) -> dict[str, Any] | None:
-    """What merged over `base` gives `new`, or None where merging cannot: blocks can be taken out, keys in them not."""
+    """Return the changes that, merged over `base`, give `new`; None where a key inside a block is removed."""
     gone = [key for key in base if key not in new]
     if gone and not top:
         return None
@@ -216,7 +216,7 @@ def _changes(base: Mapping[str, Any], new: Mapping[str, Any], top: bool = True) 
 
 
 def _add_unchanged(changes: dict[str, Any], values: dict[str, Any], path: KeyPath) -> None:
-    """A value that a remark is about stands in the new file, changed or not; first in its block."""
+    """Add a value that has a remark to the changes, even if it did not change; first in its block."""
     node: Any = changes
     source: Any = values
     for key in path[:-1]:
@@ -229,7 +229,7 @@ def _add_unchanged(changes: dict[str, Any], values: dict[str, Any], path: KeyPat
 
 
 def as_node(value: Any) -> Any:
-    """Plain values as ruamel's nodes: blocks on lines of their own, lists of plain values on one."""
+    """Return plain values as ruamel's nodes: blocks on separate lines, lists of plain values on one line."""
     if isinstance(value, Mapping):
         return CommentedMap({key: as_node(item) for key, item in value.items()})
     if isinstance(value, list | tuple):
@@ -241,7 +241,7 @@ def as_node(value: Any) -> Any:
 
 
 def _tree(path: Path, folder: Path, absolute: set[str]) -> CommentedMap:
-    """A study file and its bases as one tree, paths told from `folder`; `absolute` collects those that are not."""
+    """Return a study file and its bases as one tree, paths relative to `folder`; `absolute` collects absolute ones."""
     tree, own = read_yaml(path), path.resolve().parent
 
     def told(name: str) -> str:
@@ -251,7 +251,7 @@ def _tree(path: Path, folder: Path, absolute: set[str]) -> CommentedMap:
         return os.path.relpath(own / name, folder)
 
     change_paths(tree, told)
-    base = base_of(plain_values(tree.get("extends"), path), str(path))
+    base = parse_extends(plain_values(tree.get("extends"), path), str(path))
     if base is None:
         return tree
     _remove(tree, "extends")
@@ -261,7 +261,7 @@ def _tree(path: Path, folder: Path, absolute: set[str]) -> CommentedMap:
 
 
 def _put_over(below: CommentedMap, over: CommentedMap) -> None:
-    """Merge a tree over another, with its comments; what both change is put right by `_become`."""
+    """Merge a tree over another, with its comments; `_become` corrects values that both change."""
     for key, value in over.items():
         if isinstance(value, CommentedMap) and isinstance(below.get(key), CommentedMap):
             _put_over(below[key], value)
@@ -272,7 +272,7 @@ def _put_over(below: CommentedMap, over: CommentedMap) -> None:
 
 
 def _become(tree: Any, values: Any) -> None:
-    """Change a tree, in place, until it says `values`; what says that already keeps its text and comments."""
+    """Change a tree, in place, until it has these `values`; unchanged values keep their text and comments."""
     pairs: Iterable[tuple[Any, Any]]
     if isinstance(tree, CommentedSeq):
         if not tree:  # written as "[]"
@@ -300,7 +300,7 @@ def _become(tree: Any, values: Any) -> None:
 
 
 def _remove(tree: CommentedMap, key: str) -> None:
-    """Take a key out; the comment lines below it, which the parser counts to it, stay."""
+    """Remove a key; the comment lines below it, which the parser assigns to it, stay."""
     keys = list(tree)
     place = keys.index(key)
     below = _cut_below(tree, key)
@@ -313,7 +313,7 @@ def _remove(tree: CommentedMap, key: str) -> None:
 
 
 def _leaf(tree: Any, key: Any) -> tuple[Any, Any]:
-    """The node and key that the last line of a value belongs to: ruamel keeps comments there."""
+    """Return the node and key that the last line of a value belongs to: ruamel stores comments there."""
     while isinstance(tree[key], CommentedMap | CommentedSeq) and tree[key] and not tree[key].fa.flow_style():
         tree = tree[key]
         key = list(tree)[-1] if isinstance(tree, CommentedMap) else len(tree) - 1
@@ -321,14 +321,14 @@ def _leaf(tree: Any, key: Any) -> tuple[Any, Any]:
 
 
 def _token(node: Any, key: Any) -> CommentToken | None:
-    """The comment behind a value, with the comment lines below it."""
+    """Return the comment after a value, with the comment lines below it."""
     tokens = node.ca.items.get(key) or []
     place = 0 if isinstance(node, CommentedSeq) else 2
     return tokens[place] if len(tokens) > place else None
 
 
 def _cut_below(tree: Any, key: Any) -> str:
-    """Take away the comment lines below a value and return them."""
+    """Remove the comment lines below a value and return them."""
     node, last = _leaf(tree, key)
     token = _token(node, last)
     if token is None:
@@ -356,7 +356,7 @@ def _put_behind(node: Any, key: Any, comment: str) -> None:
 
 
 def _put_on_lines(node: Any, key: Any) -> None:
-    """Turn a value in brackets into one on lines of its own; its comments go below it."""
+    """Turn a value in brackets into a block on separate lines; its comments are moved below it."""
     value, outer = node[key], _token(node, key)
     inside = "".join(token.value for token in value.ca.end or ())
     node.ca.items.pop(key, None)
@@ -368,7 +368,7 @@ def _put_on_lines(node: Any, key: Any) -> None:
 
 
 def _remark(tree: Any, path: KeyPath, remark: str) -> None:
-    """Put a comment behind a value, before one that people wrote there; what holds it is put on lines of its own."""
+    """Put a comment after a value, before a user's comment there; a parent in brackets becomes a block first."""
     node = tree
     for key in path[:-1]:
         if node[key].fa.flow_style():
@@ -384,7 +384,7 @@ def _remark(tree: Any, path: KeyPath, remark: str) -> None:
 
 
 def _check(path: Path, canonical: Mapping[str, Any], registry: Registry) -> None:
-    """What was written must read back as the study that was meant."""
+    """Check that the written file reads back as the intended study."""
     meant = _comparable(canonical)
     read = _comparable(load_study(path, registry, note=lambda _: None).canonical())
     different = [key for key in meant if not _agree(key, meant[key], read.get(key))]
@@ -396,7 +396,7 @@ def _check(path: Path, canonical: Mapping[str, Any], registry: Registry) -> None
 
 
 def _agree(name: str, meant: Any, read: Any) -> bool:
-    """Whether two values say the same: what differs for a segment is kept as written, `module_length: 4.6 mm`."""
+    """Return whether two values are equal; values of a segment are stored as written, `module_length: 4.6 mm`."""
     if isinstance(meant, Mapping) and isinstance(read, Mapping):
         here, there = (
             {strip_unit_suffix(key): (key, item) for key, item in of.items()} for of in (meant, read)
@@ -412,7 +412,7 @@ def _agree(name: str, meant: Any, read: Any) -> bool:
 
 
 def _in_si(name: str, value: Any) -> Any:
-    """A quantity as a number in the unit of its key; anything else as it is."""
+    """Return a quantity as a number in the unit of its key; other values unchanged."""
     unit = si_unit(name)
     if not isinstance(value, str) or not unit:
         return value
@@ -423,7 +423,7 @@ def _in_si(name: str, value: Any) -> Any:
 
 
 def _comparable(canonical: Mapping[str, Any]) -> dict[str, Any]:
-    """The study as values, paths resolved."""
+    """Return the study as values, with paths resolved."""
     study = {"plugins": [], **copy.deepcopy(dict(canonical))}
     change_paths(study, os.path.realpath)
     return study

@@ -1,7 +1,7 @@
-"""A YAML file as plain values with the line of each key, within limits, and with nothing but data in it.
+"""A YAML file as plain values with the line of each key, restricted to data and limited in size.
 
-YAML can hold far more than a study says: tags that build objects, keys that are lists, aliases that unfold into more
-values than a machine can keep. What is not data is refused with its line, and what is too much ends the reading:
+YAML allows more than a study needs: tags that build objects, keys that are lists, aliases that expand to more values
+than fit into memory. Anything but data is refused with its line, and reading ends at these limits:
 `LARGEST` bytes of a file, `MOST` values with aliases written out, `DEEPEST` levels, `LONGEST` characters of a text.
 """
 
@@ -36,7 +36,7 @@ KeyPath = tuple[Any, ...]
 
 
 class _Bounded(Composer):
-    """Composes nodes of data alone, and as many as a study may have."""
+    """A composer of data nodes alone, up to the number that a study may have."""
 
     def __init__(self, loader: Any = None, path: Path = Path()) -> None:
         super().__init__(loader=loader)
@@ -77,14 +77,14 @@ def _as_written(tag: str) -> str:
 
 
 def bounded_yaml(path: Path) -> YAML:
-    """A reader of YAML 1.2 that keeps comments; `path` is for its messages."""
+    """Return a reader of YAML 1.2 that keeps comments; `path` is for its messages."""
     yaml = YAML(typ="rt")
     yaml.Composer = partial(_Bounded, path=path)  # type: ignore[assignment]
     return yaml
 
 
 def read_yaml(path: Path) -> CommentedMap:
-    """One YAML file as ruamel's map; raises `UserError` with the line of what is no data, or too much."""
+    """Read one YAML file as ruamel's map; raises `UserError` with the line of anything but data, or of an excess."""
     try:
         text = read_regular(path, LARGEST, "a YAML file").decode("utf-8")
     except FileNotFoundError:
@@ -93,7 +93,7 @@ def read_yaml(path: Path) -> CommentedMap:
         raise UserError(f"{path} is a folder; give a study file such as {path}/study.yaml.") from None
     except UnicodeDecodeError:
         raise UserError(f"{path}: it is not a UTF-8 text file; save it as UTF-8.") from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+    except (OSError, ValueError) as error:  # ValueError: an impossible file name
         cause = getattr(error, "strerror", None) or error
         name = str(path) if len(str(path)) <= 80 else f"{str(path)[:60]}…"
         raise UserError(f"{name}: the file cannot be read ({cause}).") from None
@@ -111,7 +111,7 @@ def _parse(text: str, path: Path) -> CommentedMap:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else "?"
-        problem = str(error.problem)  # for people who never saw the parser's grammar
+        problem = str(error.problem)  # in words for people who do not know the parser's grammar
         if "'\\t'" in problem:
             problem = "there is a tab; YAML takes spaces only"
         elif "found another document" in problem:
@@ -128,7 +128,7 @@ def _parse(text: str, path: Path) -> CommentedMap:
         TypeError,
         AttributeError,
         AssertionError,
-    ):  # the parser's own, on what is hardly YAML
+    ):  # errors of the parser on text that is hardly YAML
         raise UserError(
             f"{path}: this is not YAML that a study may have; write plain 'key: value' lines."
         ) from None
@@ -138,23 +138,23 @@ def _parse(text: str, path: Path) -> CommentedMap:
 
 
 def neighbours(path: Path) -> str:
-    """Ends a sentence on a file that is not there with the studies that lie in its folder."""
+    """Return the end of a sentence on a missing file: the studies in its folder."""
     folder = path.parent
     try:
         names = sorted(p.name for p in folder.glob("*.y*ml"))[:5] if folder.is_dir() else []
-    except OSError:  # a name longer than the system has them
+    except OSError:  # a name longer than the system allows
         names = []
     return f"; {folder} holds {', '.join(names)}" if names else ""
 
 
 @dataclass
 class Plain:
-    """Turns ruamel's trees into plain values.
+    """A converter of ruamel's trees to plain values.
 
     Attributes:
         path: for messages.
         places: receives "file, line" of each key.
-        count: values so far, those of aliases written out.
+        count: number of values so far, including those of expanded aliases.
     """
 
     path: Path = field(default_factory=Path)
@@ -162,7 +162,7 @@ class Plain:
     count: int = 0
 
     def values(self, node: Any, at: KeyPath = ()) -> Any:
-        """Raises `UserError` where aliases unfold without an end, and for numbers beyond any quantity."""
+        """Return the plain values; raises `UserError` for endless aliases, and for numbers beyond any quantity."""
         self.count += 1
         if len(at) > DEEPEST:
             raise UserError(f"{self.path}: '{at[0]}' is nested too deeply, or holds itself by an alias.")
@@ -173,7 +173,7 @@ class Plain:
         if isinstance(node, CommentedMap):
             lines = node.lc.data or {}
             for key in node:
-                if key in lines:  # keys that came in by a merge '<<' have no line of their own here
+                if key in lines:  # keys that came in by a merge '<<' have no line here
                     self.places[(*at, str(key))] = f"{self.path}, line {lines[key][0] + 1}"
             return {str(key): self.values(value, (*at, str(key))) for key, value in node.items()}
         if isinstance(node, CommentedSeq):

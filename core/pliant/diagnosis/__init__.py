@@ -1,4 +1,4 @@
-"""Which physical effect is missing: candidates → fits → evidence → verdict.
+"""Identification of the missing effect: candidates → fits → evidence → verdict.
 
-Import from the files: `diagnosis.py` holds the whole path, the others one step each.
+Import from the modules: `diagnosis.py` runs the whole path, the others one step each.
 """

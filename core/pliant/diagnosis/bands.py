@@ -1,8 +1,8 @@
-"""Bands of what a model would read on a run: its parameters' posterior, its laws' error bars, the noise of a reading.
+"""Bands of predicted readings on a run: the parameters' posterior, the laws' error bars, the noise of a reading.
 
-The three are independent, and their variances add. A reading scatters about the model by the noise floor, and by what
-the laws' error bars say where there are some; where the fit left more than that on its own runs, a reading scatters by
-what it left. The half-width at a level is that quantile of Student's t with the degrees of freedom of the noise's size.
+The three are independent, and their variances add. A reading scatters about the model by the noise floor and by the
+laws' error bars, if they are stated; if the fit left a larger error on its own runs, a reading scatters by that error.
+The half-width at a level is that quantile of Student's t with the degrees of freedom of the noise estimate.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pliant.diagnosis.scatter import ReadingScatter
 from pliant.errors import UserError
 from pliant.evidence.prediction import Predictor, RunReadings
 from pliant.pipeline.simulate import drawn_chains
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
@@ -34,9 +34,9 @@ class Bands:
     """Bands of a model's readings per run.
 
     Attributes:
-        level: probability that a reading lies within.
+        level: probability that a reading is inside.
         centre: per run by output (t,), SI: the mean over draws.
-        low, high: the same of the band's ends; NaN where nothing is known of an output's scatter.
+        low, high: the same for the band's ends; NaN if an output's scatter is unknown.
     """
 
     level: float
@@ -45,7 +45,7 @@ class Bands:
     high: tuple[RunReadings, ...]
 
     def held(self, measurement: Measurement) -> dict[str, float]:
-        """By output the share of its readings within the band; outputs without a band or a reading are left out."""
+        """Return by output the share of its readings within the band; outputs without band or readings are left out."""
         found = {}
         for name in self.low[0]:
             inside = [
@@ -61,7 +61,7 @@ class Bands:
         return found
 
     def half_width(self) -> dict[str, float]:
-        """By output the median half-width, SI; outputs without a band are left out."""
+        """Return by output the median half-width, SI; outputs without a band are left out."""
         found = {}
         for name in self.low[0]:
             widths = [(high[name] - low[name]) / 2 for low, high in zip(self.low, self.high, strict=True)]
@@ -70,8 +70,8 @@ class Bands:
                 found[name] = float(np.nanmedian(whole))
         return found
 
-    def of_runs(self, runs: Sequence[int]) -> Bands:
-        """The bands of some of the runs."""
+    def select_runs(self, runs: Sequence[int]) -> Bands:
+        """Return the bands of some of the runs."""
         ends = (self.centre, self.low, self.high)
         return Bands(self.level, *(tuple(end[k] for k in runs) for end in ends))
 
@@ -83,13 +83,13 @@ def bands(
     level: float = LEVEL,
     count: int | None = None,
 ) -> Bands:
-    """Bands of what the model reads on the predictor's runs.
+    """Return the bands of the model's readings on the predictor's runs.
 
     Args:
         predictor: the chain without the effects of `posterior.candidate`, driven by the runs in question.
         posterior: of the effects' parameters.
         scatter: by output, of the fit.
-        level: probability that a reading lies within.
+        level: probability that a reading is inside.
         count: draws.
     """
     runs, best = predictor.measurement.runs, posterior.candidate.configs(posterior.x)
@@ -118,7 +118,7 @@ def bands(
 
 
 def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
-    """The predictor with drawn laws; None where no law states an error."""
+    """Return the predictor with drawn laws; None where no law states an error."""
     if all(law.error is None for law in predictor.chain.laws):
         return None
     chains = drawn_chains(predictor.chain, count, SEED)
@@ -128,7 +128,7 @@ def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
 def _moments(
     of_draws: Sequence[Sequence[Mapping[str, Array]]],
 ) -> tuple[list[dict[str, Array]], list[dict[str, Array]]]:
-    """Per run by output (t,) mean and variance over draws; draws without an equilibrium there do not count."""
+    """Return per run by output (t,) mean and variance over draws; draws without an equilibrium there do not count."""
     means, variances = [], []
     for run in range(len(of_draws[0])):
         stacked = {name: np.array([draw[run][name] for draw in of_draws]) for name in of_draws[0][run]}
@@ -147,11 +147,11 @@ def _moments(
     return means, variances
 
 
-def study_bands(bench: Workbench, study: Study, measurement: Measurement) -> tuple[Bands | None, str]:
-    """Bands of what a study's model reads on measured runs, or None and a sentence why the study's block is not used.
+def study_bands(bench: RunContext, study: Study, measurement: Measurement) -> tuple[Bands | None, str]:
+    """Return bands of a study's model on measured runs, or None and a sentence on why its block is not used.
 
     Args:
-        bench, study, measurement: as for `Predictor.of_study`.
+        bench, study, measurement: as for `Predictor.from_study`.
     """
     try:
         kept = kept_posterior(bench.registry, study)
@@ -159,4 +159,4 @@ def study_bands(bench: Workbench, study: Study, measurement: Measurement) -> tup
         return None, str(error)
     if kept is None:
         return None, ""
-    return bands(Ground.of(bench, study, measurement).predictor, kept.posterior, kept.scatter), ""
+    return bands(Ground.from_study(bench, study, measurement).predictor, kept.posterior, kept.scatter), ""

@@ -1,4 +1,4 @@
-"""What the data do not see of a posterior: directions in which parameters may move unnoticed, in words."""
+"""Unidentifiable directions of a posterior: parameter changes that the data do not constrain, in words."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from pliant.diagnosis.posterior import Posterior
 from pliant.formatting import display_unit, listed, whole_percent
 from pliant.records.design import Array
 
-# A direction is blind where the data say less of it than the prior.
+# A direction is unidentifiable if the data contain less information on it than the prior.
 BLIND = 1.0
-# Parameters that move along it by at least this share of the one that moves most are part of it.
+# Parameters that move along it by at least this share of the largest move belong to it.
 PART = 0.3
 # Two parameters are entangled from this correlation on.
 ENTANGLED = 0.95
-# Exponents of a product, or shares of a sum, that differ by no more than this factor are called equal.
+# Exponents of a product, or shares of a sum, that differ by at most this factor are called equal.
 ALIKE = 1.35
 
 
 @dataclass(frozen=True)
 class BlindDirection:
-    """Parameters that the data know only together, or not at all.
+    """Parameters of which the data constrain only a combination, or nothing.
 
     Attributes:
         parameters: names ``kind.parameter``.
         move: how each moves along the direction by one posterior standard deviation, in its own unit.
-        seen: how much the data say of it, in units of the prior's information.
+        seen: the data's information on it, in units of the prior's information.
         words: the same in a sentence.
     """
 
@@ -38,8 +38,8 @@ class BlindDirection:
     words: str
 
 
-def blind_directions(posterior: Posterior) -> tuple[BlindDirection, ...]:
-    """Directions of which the data say less than the prior, then pairs that are known together and hardly apart."""
+def unidentifiable_directions(posterior: Posterior) -> tuple[BlindDirection, ...]:
+    """Return directions with less information than the prior, then pairs of strongly correlated parameters."""
     found = []
     for seen, direction in zip(posterior.seen[0], posterior.seen[1].T, strict=True):
         if seen < BLIND:
@@ -92,7 +92,7 @@ def _entangled(posterior: Posterior, pair: tuple[int, int], move: Array, r: floa
 
 
 def _combination(posterior: Posterior, parts: list[int], move: Array) -> str:
-    """What of two parameters the data know, where it has a short name: what stays the same along the move."""
+    """Return a short name of the combination of two parameters that is constant along the move, or an empty text."""
     if len(parts) != 2:
         return ""
     a, b = parts

@@ -1,4 +1,4 @@
-"""Candidates: sets of effects whose parameters may be fitted, and where to start."""
+"""Candidates: sets of effects whose parameters may be fitted, and the starts of their fits."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from pliant.registry.discovery import Registry
 
 # Half-width of a central 90 % interval in standard deviations.
 NINETY = 1.6449
-# A parameter that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
+# Weight of the prior in units of squared residuals: a parameter without influence on the data stays near its middle.
 PRIOR_WEIGHT = 0.1
-# Where fits of a strength start, as a share of the way from neutral to the far end of the plausible range.
+# Start of fits of a strength, as a share of the way from neutral to the far end of the plausible range.
 START_SHARE = 0.3
 MOST_STARTS = 3
 
 
 def candidate_kinds(registry: Registry, kinds: Sequence[str] | None = None) -> list[str]:
-    """Kinds of effects that a diagnosis may fit, each once: all that have a number to fit where none are named.
+    """Return the kinds of effects that a diagnosis may fit, each once; all with a number to fit if none are named.
 
     Raises:
-        UserError: a kind that is not known, or one without a number to fit.
+        UserError: an unknown kind, or one without a number to fit.
     """
     if kinds is None:
         return [kind for kind in registry.kinds("effect") if _fitted(registry, kind)]
@@ -48,10 +48,10 @@ def _fitted(registry: Registry, kind: str) -> bool:
 
 @dataclass(frozen=True)
 class FitParameter:
-    """One parameter of one effect of a candidate, seen as a number x of order 1.
+    """One parameter of one effect of a candidate, scaled to a number x of order 1.
 
-    x = (v − neutral) / reach for strengths and shapes with a normal prior, with reach the distance from neutral
-    to the far end of the plausible range, for forms the standard deviation of which 90 % are that; with a log-normal
+    x = (v − neutral) / reach for strengths and shapes with a normal prior, where reach is the distance from neutral to
+    the far end of the plausible range; for forms it is that distance / 1.645, a standard deviation; with a log-normal
     prior x = ln(v / middle) / s.
     """
 
@@ -64,24 +64,24 @@ class FitParameter:
         return f"{self.kind}.{self.declared.name}"
 
     def value(self, x: float) -> float:
-        """The parameter's value within its bounds."""
+        """Return the parameter's value within its bounds."""
         p = self.declared
         v = p.neutral + x * self._reach if p.prior == "normal" else self._middle * math.exp(x * self._spread)
         return min(max(v, p.bounds[0]), p.bounds[1])
 
     def x(self, value: float) -> float:
-        """The number that gives this value."""
+        """Return the number x that gives this value."""
         if self.declared.prior == "normal":
             return (value - self.declared.neutral) / self._reach
         return math.log(value / self._middle) / self._spread
 
     def slope(self, x: float) -> float:
-        """dv/dx: the parameter's value by its scaled coordinate x."""
+        """Return dv/dx: the derivative of the parameter's value by its scaled coordinate x."""
         return self._reach if self.declared.prior == "normal" else self.value(x) * self._spread
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The parameter's bounds as bounds of x."""
+        """Return the parameter's bounds as bounds of x."""
         low, high = self.declared.bounds
         if self.declared.prior == "log_normal":
             low = max(low, 1e-6 * self._middle)
@@ -97,20 +97,20 @@ class FitParameter:
 
     @property
     def pull(self) -> float:
-        """Weight of the prior in x², in units of squared residuals: weak where it only keeps the idle in place.
+        """Return the weight of the prior in x², in units of squared residuals; weak except for forms.
 
-        Forms are nuisances with a real prior, a standard normal one in x.
+        It only keeps parameters without influence in place. Forms are nuisances with a standard normal prior in x.
         """
         return 1.0 if self.is_form else PRIOR_WEIGHT
 
     @property
     def plausible(self) -> tuple[float, float]:
-        """The plausible range in x."""
+        """Return the plausible range in x."""
         low, high = self.declared.plausible
         return self.x(low), self.x(high)
 
     def starts(self) -> tuple[float, ...]:
-        """Where fits begin: one strength, two shapes, the plain form."""
+        """Return the starts of fits: one strength, two shapes, the plain form."""
         if self.is_form:
             return (self.x(self.declared.neutral),)
         low, high = self.plausible
@@ -135,9 +135,9 @@ class FitParameter:
 
 @dataclass(frozen=True)
 class EffectSet:
-    """A set of effects, in the order in which they are applied; the empty set is the model as it is.
+    """A set of effects, in the order in which they are applied; the empty set is the unchanged model.
 
-    Parameters of the role `form` are among `parameters` where they may vary; elsewhere they keep their neutral value.
+    Parameters of the role `form` are among `parameters` if they may vary; otherwise they keep their neutral value.
     """
 
     kinds: tuple[str, ...]
@@ -145,8 +145,8 @@ class EffectSet:
     models: tuple[type[EffectConfig], ...]
 
     @staticmethod
-    def of(registry: Registry, kinds: Sequence[str], forms: Collection[str] = ()) -> EffectSet:
-        """Those of these kinds, with free forms for those that are among `forms`, too.
+    def from_kinds(registry: Registry, kinds: Sequence[str], forms: Collection[str] = ()) -> EffectSet:
+        """Return the effects of these kinds; those that are also among `forms` get free forms.
 
         Raises `UserError` for an unknown kind, and for one whose config refuses its own parameters or bounds.
         """
@@ -166,7 +166,7 @@ class EffectSet:
         return len(self.parameters)
 
     def configs(self, x: Array) -> tuple[EffectConfig, ...]:
-        """The effects at x (k,); raises `UserError` where a plugin's config refuses its own parameters."""
+        """Return the effects at x (k,); raise `UserError` if a plugin's config refuses its own parameters."""
         values: list[dict[str, float]] = [{} for _ in self.kinds]
         for parameter, number in zip(self.parameters, x, strict=True):
             values[parameter.effect][parameter.declared.name] = parameter.value(float(number))
@@ -176,23 +176,23 @@ class EffectSet:
         )
 
     def values(self, x: Array) -> dict[str, float]:
-        """Parameter values by ``kind.name``."""
+        """Return parameter values by ``kind.name``."""
         return {
             parameter.name: parameter.value(float(n)) for parameter, n in zip(self.parameters, x, strict=True)
         }
 
     @property
     def forms(self) -> tuple[str, ...]:
-        """Kinds with forms that may vary."""
+        """Return the kinds with forms that may vary."""
         return tuple(dict.fromkeys(parameter.kind for parameter in self.parameters if parameter.is_form))
 
     def limits(self) -> tuple[Array, Array]:
-        """(k,) lowest and highest x."""
+        """Return (k,) lowest and highest x."""
         pairs = np.array([parameter.limits for parameter in self.parameters], float).reshape(-1, 2)
         return pairs[:, 0], pairs[:, 1]
 
     def starts(self, known: dict[str, float] | None = None) -> list[Array]:
-        """Points (k,) from which fits begin; `known` fixes the start of some parameters by name."""
+        """Return points (k,) at which fits begin; `known` fixes the start of some parameters by name."""
         known = known or {}
         options = [
             (known[parameter.name],) if parameter.name in known else parameter.starts()
@@ -218,11 +218,11 @@ def _config(model: type[EffectConfig], kind: str, given: dict[str, float]) -> Ef
 
 @dataclass(frozen=True)
 class StudyCandidate(EffectSet):
-    """Effects to fit in the order of a study, the others of the study between them.
+    """Effects to fit in the order of a study, with the study's other effects between them.
 
     Attributes:
         fixed: the study's effects in their order, then those that it does not have yet.
-        slots: for each effect that is fitted its place among `fixed`.
+        slots: for each effect that is fitted its index in `fixed`.
     """
 
     fixed: tuple[EffectConfig, ...] = ()
@@ -235,7 +235,7 @@ class StudyCandidate(EffectSet):
         kinds: Sequence[str],
         forms: Collection[str] = (),
     ) -> StudyCandidate:
-        """Fit these kinds: in place those that the effects have, behind them the others; `forms` as for `of`.
+        """Return the candidate that fits these kinds: existing ones in place, others appended; `forms` as for `of`.
 
         Raises:
             UserError: an unknown kind, or one that the effects have twice.
@@ -247,7 +247,7 @@ class StudyCandidate(EffectSet):
                     f"The study has the effect '{kind}' {all_kinds.count(kind)} times, so it is not clear which one "
                     "to fit; keep one of them."
                 )
-        plain = EffectSet.of(registry, kinds, forms)
+        plain = EffectSet.from_kinds(registry, kinds, forms)
         begun = plain.configs(plain.starts()[0])
         fixed = (*effects, *(config for config in begun if config.kind not in all_kinds))
         places = [effect.kind for effect in fixed]
@@ -255,11 +255,11 @@ class StudyCandidate(EffectSet):
         return StudyCandidate(plain.kinds, plain.parameters, plain.models, fixed, slots)
 
     def configs(self, x: Array) -> tuple[EffectConfig, ...]:
-        """All effects of the study, those that are fitted at x (k,)."""
+        """Return all effects of the study, with the fitted ones at x (k,)."""
         return self.with_values(self.values(x))
 
     def with_values(self, values: Mapping[str, float]) -> tuple[EffectConfig, ...]:
-        """All effects of the study, those that are fitted at these values by ``kind.parameter``."""
+        """Return all effects of the study, with the fitted ones at these values by ``kind.parameter``."""
         effects = list(self.fixed)
         for parameter in self.parameters:
             slot = self.slots[parameter.effect]
@@ -267,7 +267,7 @@ class StudyCandidate(EffectSet):
         return tuple(effects)
 
     def present(self) -> Array:
-        """(k,) x of the values that the effects have now."""
+        """Return (k,) x of the present values of the effects."""
         return np.array(
             [k.x(float(getattr(self.fixed[self.slots[k.effect]], k.declared.name))) for k in self.parameters]
         )

@@ -1,4 +1,4 @@
-"""What hypotheses predict in the runs of a menu: readings over their noise, their slopes, and what each is worth."""
+"""Predictions of hypotheses for the runs of a menu: readings over their noise, their slopes, effective sample sizes."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
-# Noise of an output that was not measured: a share of its range, and not below these.
+# Noise of an output that was not measured: a share of its range, with these lower limits.
 LEAST_ANGLE_RAD, LEAST_OF_LENGTH = 0.002, 0.001
-# A specimen that was measured is no longer virgin: it is cycled once, unread, before a run of the menu.
+# A measured specimen is no longer virgin: it is cycled once, unread, before a run of the menu.
 CONDITIONING_S, CONDITIONING_STEP_S = 20.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class CataloguePrediction:
-    """A hypothesis in the menu: values (M,) over the noise, slopes (M, k) d value / dx; NaN without equilibrium."""
+    """Predictions of a hypothesis in the menu: values (M,) over the noise, slopes (M, k) d value / dx; or NaN."""
 
     values: Array
     slopes: Array
@@ -39,10 +39,10 @@ class CatalogueView:
     Attributes:
         runs: the menu.
         predictor: the study's model under these runs.
-        readings: places of their readings and the noise of each output; the values are zeros.
-        worth: (M,) independent readings that each reading stands for.
+        readings: positions of their readings and the noise of each output; the values are zeros.
+        worth: (M,) number of independent readings that each reading counts for.
         place: (M,) index of the menu's run that each reading belongs to.
-        law_columns: (M, m) what the coefficients of the law's own error change; (M, 0) where it has none.
+        law_columns: (M, m) changes by the coefficients of the law's own error; (M, 0) without one.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -53,28 +53,28 @@ class CatalogueView:
     law_columns: Array
 
     @staticmethod
-    def of(
+    def from_predictor(
         predictor: Predictor, runs: Sequence[PlannedRun], scales: Mapping[str, float], reading_s: float | None
     ) -> CatalogueView:
-        """Drive the model through these runs.
+        """Return the view of the model driven through these runs.
 
         Args:
             predictor: the study's model.
             runs: the menu.
-            scales: noise of the outputs that are measured anyhow; others, where a run adds them, are taken as 2 %
-                of their range.
-            reading_s: time that one independent reading of an output takes; None where every sample is one.
+            scales: noise of the outputs that are measured in any case; for others, if a run adds them, 2 % of their
+                range.
+            reading_s: time per independent reading of an output; None where every sample is one.
         """
         measurement = _unread(runs, tuple(scales))
         driven = predictor.for_runs(measurement)
         added = [name for name in driven.outputs if name not in scales]
         every = dict(scales) | (_added_scales(driven, added) if added else {})
         outputs = [name for name in driven.outputs if name in every]
-        readings = ReadingVector.of(measurement, outputs, every)
+        readings = ReadingVector.from_measurement(measurement, outputs, every)
         worth = [
             _worth(run.history.time_s if reading_s else None, len(run), reading_s) for run in measurement.runs
         ]
-        where = _sample_of(measurement, outputs)
+        where = _sample_indices(measurement, outputs)
         return CatalogueView(
             tuple(runs),
             driven,
@@ -85,14 +85,14 @@ class CatalogueView:
         )
 
     def with_law_error(self, law: LawReference | None) -> CatalogueView:
-        """Return the view with what the law's own error, as fits have it, may change in the menu."""
+        """Return the view with the changes by the law's own error, as in the fits."""
         if law is None:
             return self
         columns = law_columns(self.predictor, self.readings, (), law.basis)
         return self if columns is None else replace(self, law_columns=columns)
 
-    def look(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
-        """Readings that the candidate predicts at x, and their slopes."""
+    def evaluate(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
+        """Return the readings that the candidate predicts at x, and their slopes."""
         steps = [-STEP if x[k] + STEP > high else STEP for k, high in enumerate(candidate.limits()[1])]
         towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in enumerate(steps)]
         prediction, changes = self.predictor.vary(candidate.configs(x), towards)
@@ -102,18 +102,18 @@ class CatalogueView:
         return CataloguePrediction(self.readings.pack(prediction.runs), slopes)
 
     def rows(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
-        """(M,) readings of these runs of the menu."""
+        """Return (M,) the readings of these runs of the menu."""
         return np.isin(self.place, chosen)
 
     @property
     def added(self) -> tuple[str, ...]:
-        """Outputs that were not measured and that some run reads."""
+        """Return outputs that were not measured and that some run reads."""
         names = {name for run in self.runs for name in run.adds}
         return tuple(name for name in self.readings.outputs if name in names)
 
 
 def seconds_per_reading(measurement: Measurement, n_outputs: int, n_effective: float) -> float | None:
-    """Time that one independent reading of one output takes on this bench; None where runs have no clock."""
+    """Return the time per independent reading of one output in these data; None where runs have no clock."""
     seconds = 0.0
     for run in measurement.runs:
         clock = run.history.time_s
@@ -124,7 +124,7 @@ def seconds_per_reading(measurement: Measurement, n_outputs: int, n_effective: f
 
 
 def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...]) -> Measurement:
-    """Each run after its specimen's conditioning; readings are zeros where they will be read, else NaN."""
+    """Return each run after its specimen's conditioning; readings are zeros where they will be read, else NaN."""
     every = tuple(dict.fromkeys((*outputs, *(name for run in runs for name in run.adds))))
     measured = []
     for number, run in enumerate(runs):
@@ -138,12 +138,12 @@ def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...]) -> Measurement
 
 
 def _conditioning(history: History) -> History:
-    """One cycle to the run's largest actuation, without load, as the base usually stands."""
+    """Return one cycle to the run's largest actuation, without load, at the usual base orientation."""
     n = int(CONDITIONING_S / CONDITIONING_STEP_S)
     clock: Array = CONDITIONING_STEP_S * np.arange(n + 1, dtype=float)
     shape = 1.0 - np.abs(2.0 * clock / clock[-1] - 1.0)
     tops = {name: float(values.max(initial=0.0)) for name, values in history.actuation.items()}
-    return History.of(
+    return History.from_arrays(
         {name: top * shape for name, top in tops.items()},
         clock,
         run=f"before {history.run}",
@@ -152,7 +152,7 @@ def _conditioning(history: History) -> History:
 
 
 def _added_scales(predictor: Predictor, names: Sequence[str]) -> dict[str, float]:
-    """2 % of the range that the model predicts where the output is read."""
+    """Return 2 % of the range that the model predicts where the output is read."""
     predicted, scales = predictor.predict(), {}
     for name in names:
         series = np.concatenate(
@@ -169,13 +169,13 @@ def _added_scales(predictor: Predictor, names: Sequence[str]) -> dict[str, float
 
 
 def _worth(time_s: Array | None, n: int, reading_s: float | None) -> Array:
-    """(n,) independent readings per sample: its share of time over what one takes, one at most."""
+    """Return (n,) independent readings per sample: its share of time over that of one reading, at most one."""
     if time_s is None or reading_s is None or n < 2:
         return np.ones(n)
     return np.minimum(np.gradient(time_s) / reading_s, 1.0)
 
 
-def _sample_of(measurement: Measurement, outputs: Sequence[str]) -> NDArray[np.intp]:
-    """(M,) the sample within its run of every reading, in the order of a `ReadingVector`."""
+def _sample_indices(measurement: Measurement, outputs: Sequence[str]) -> NDArray[np.intp]:
+    """Return (M,) the sample within its run of every reading, in the order of a `ReadingVector`."""
     places = [np.flatnonzero(np.isfinite(run.outputs[name])) for name in outputs for run in measurement.runs]
     return np.concatenate(places).astype(np.intp)

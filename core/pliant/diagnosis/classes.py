@@ -1,12 +1,12 @@
-"""Classes of effects that given runs cannot tell apart, and the run of a menu that would split each best.
+"""Classes of effects that given runs cannot distinguish, and the run of a menu that would best split each.
 
-Two effects belong together where neither can be told from the other: each imitates the other's change, its parameters
-bent as they must be. Only the inputs and the model decide this, no reading does, so that a class can be stated before
-anything is measured or unsealed. Classes are the connected parts of these pairs.
+Two effects belong together if neither can be distinguished from the other: each imitates the other's change with
+adjusted parameters. Only the inputs and the model decide this, not the readings, so that a class can be stated before
+anything is measured or unsealed. Classes are the connected components of these pairs.
 
-Before anything is measured nothing is probable: every effect then stands at the far end of its plausible range, and a
-run tells two of them apart where neither can imitate the other. Runs are chosen one by one, each for what it splits
-more beside those before it.
+Without a measurement no effect is more probable than another: every effect is placed at the far end of its plausible
+range, and a run distinguishes two of them if neither can imitate the other. Runs are chosen one by one, each for the
+additional splits beyond those of the runs chosen before.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
-# Eigenvalues below this share of the largest are directions that are not there.
+# Eigenvalues below this share of the largest are numerically zero.
 FLAT = 1e-10
 
 
 @dataclass(frozen=True)
 class EffectClass:
-    """Effects that these runs cannot tell apart.
+    """Effects that these runs cannot distinguish.
 
     Attributes:
         kinds: sorted by name, two or more.
-        run, words, minutes: the run that splits it best, by name and as an order; empty where none does or none was
-            asked for.
-        parts: what it would be split into; the class itself without such a run.
+        run, words, minutes: the run that splits it best, by name and as an order; empty if none does or none was
+            requested.
+        parts: the classes after the split; the class itself without such a run.
     """
 
     kinds: Kinds
@@ -59,22 +59,22 @@ class EffectClass:
     parts: tuple[Kinds, ...] = ()
 
 
-def classes_of(
+def confounded_classes(
     found: Mapping[str, Excitation], n_effective: float, law: LawReference | None = None
 ) -> tuple[Kinds, ...]:
-    """Classes of two or more effects, the largest first; with `law`, the law's own shape may be one of them (`LAW`).
+    """Return classes of two or more effects, the largest first; with `law`, its shape may be a member (`LAW`).
 
     Args:
         found: every excited effect at the far end of its plausible range under these runs.
         n_effective: independent readings of these runs.
-        law: the law's own error, where it is part of every hypothesis.
+        law: the law's own error, if it is part of every hypothesis.
     """
     kinds = [*found, *([] if law is None else [LAW])]
     return connected(kinds, confounded_with(found, {}, n_effective, law))
 
 
 def connected(kinds: Iterable[str], pairs: Sequence[ConfoundedPair]) -> tuple[Kinds, ...]:
-    """Connected parts of two or more kinds, of pairs that are look-alikes both ways."""
+    """Return connected components of two or more kinds, from pairs that imitate each other both ways."""
     alike = {(pair.a, pair.b) for pair in pairs}
     left, classes = sorted(kinds), []
     while left:
@@ -93,14 +93,14 @@ def connected(kinds: Iterable[str], pairs: Sequence[ConfoundedPair]) -> tuple[Ki
 
 @dataclass(frozen=True, eq=False)
 class Overlaps:
-    """Sums of products of what effects change, and of their slopes, over independent readings.
+    """Sums of products of the effects' changes and of their slopes, over independent readings.
 
     Attributes:
-        columns: for each kind the place of its change and those of its slopes in `whole`; those of the law's own
-            error as `LAW`, where there is one.
+        columns: for each kind the indices of its change and of its slopes in the matrices; those of the law's own
+            error as `LAW`, if there is one.
         measured: (c, c) of the runs that were measured, and of the prior of the law's error; zeros without any.
         of_run: (c, c) of each run of the menu.
-        readings: independent readings that were measured, and of each run of the menu.
+        readings: number of independent readings that were measured, and of each run of the menu.
     """
 
     columns: Mapping[str, tuple[int, ...]]
@@ -109,14 +109,14 @@ class Overlaps:
     readings: tuple[float, tuple[float, ...]]
 
     @staticmethod
-    def of(
+    def from_changes(
         view: CatalogueView,
         changes: Mapping[str, CataloguePrediction],
         found: Mapping[str, Excitation] | None = None,
         n_effective: float = 0.0,
         law: LawReference | None = None,
     ) -> Overlaps:
-        """Of these changes in the menu, and of the excitations under the measured runs where they are given."""
+        """Return the sums of these changes in the menu, and of the excitations under the measured runs if given."""
         columns, at = {}, 0
         for kind, look in changes.items():
             columns[kind] = tuple(range(at, at + 1 + look.slopes.shape[1]))
@@ -141,7 +141,7 @@ class Overlaps:
         return Overlaps(columns, measured, of_run, (n_effective, worth))
 
     def parts(self, kinds: Sequence[str], chosen: Sequence[int]) -> tuple[Kinds, ...]:
-        """What these kinds fall into once the chosen runs are there beside the measured ones, the largest first.
+        """Return the classes of these kinds with the chosen runs added to the measured ones, the largest first.
 
         Kinds that change nothing in any of these runs stay together.
         """
@@ -161,14 +161,14 @@ class Overlaps:
         return (*joined, *alone)
 
     def snr(self, kind: str, run: int) -> float:
-        """RMS change of a run's readings over their noise."""
+        """Return the RMS change of a run's readings over their noise."""
         change = self.columns[kind][0]
         return float(np.sqrt(self.of_run[run][change, change] / max(self.readings[1][run], 1e-12)))
 
     def _apart(self, whole: Array, n: float, kinds: Sequence[str]) -> Array:
-        """(k, k) n · SNR² · unexplained share: squares of a's change, at a typical strength, that b cannot imitate.
+        """Return (k, k) n · SNR² · unexplained share: squares of a's typical change that b cannot imitate.
 
-        (k, k + 1) where the law has an error of its own: it may be beside either, and the last column is what it
+        (k, k + 1) if the law has an error: it may accompany either effect, and the last column is the part that it
         cannot imitate alone.
         """
         changes = [self.columns[kind][0] for kind in kinds]
@@ -200,24 +200,24 @@ def split_classes(
     left: Sequence[Kinds] | None = None,
     law: LawReference | None = None,
 ) -> tuple[EffectClass, ...]:
-    """Each class with the run of the menu that splits it into the most parts; the shortest of equals.
+    """Return each class with the run of the menu that splits it into the most parts; the shortest of equals.
 
     Args:
         registry: the installed effects.
         view: the model in the menu.
-        found, n_effective: as for `classes_of`.
-        left: explanations that are left; a class that has no effect of them is stated without a run, for the menu
-            takes time. All classes get theirs by default.
-        law: the law's own error, where it is part of every hypothesis.
+        found, n_effective: as for `confounded_classes`.
+        left: remaining explanations; a class without an effect of them is returned without a run, to save time.
+            By default every class gets a run.
+        law: the law's own error, if it is part of every hypothesis.
     """
-    classes = classes_of(found, n_effective, law)
+    classes = confounded_classes(found, n_effective, law)
     open_kinds = {kind for explanation in left for kind in explanation} if left is not None else set(found)
     asked = [one for one in classes if open_kinds & set(one)]
     kinds = sorted({kind for one in asked for kind in one} - {LAW})
     if not kinds:
         return tuple(EffectClass(one, parts=(one,)) for one in classes)
     changes = catalogue_changes(registry, view, {kind: found[kind] for kind in kinds})
-    overlaps = Overlaps.of(view, changes, found, n_effective, law)
+    overlaps = Overlaps.from_changes(view, changes, found, n_effective, law)
     return tuple(
         _split(one, view, overlaps) if one in asked else EffectClass(one, parts=(one,)) for one in classes
     )
@@ -226,11 +226,11 @@ def split_classes(
 def catalogue_changes(
     registry: Registry, view: CatalogueView, found: Mapping[str, Excitation]
 ) -> dict[str, CataloguePrediction]:
-    """What each effect changes in the menu at the strength of its excitation, and its slopes there; 0 for NaN."""
-    nothing = view.look(EffectSet.of(registry, ()), np.zeros(0)).values
+    """Return each effect's changes in the menu at the strength of its excitation, and its slopes; 0 for NaN."""
+    nothing = view.evaluate(EffectSet.from_kinds(registry, ()), np.zeros(0)).values
     changes = {}
     for kind, one in found.items():
-        look = view.look(EffectSet.of(registry, (kind,)), one.x)
+        look = view.evaluate(EffectSet.from_kinds(registry, (kind,)), one.x)
         lost = ~(np.isfinite(look.values - nothing) & np.isfinite(look.slopes).all(axis=1))
         changes[kind] = CataloguePrediction(
             np.where(lost, 0.0, look.values - nothing), np.where(lost[:, None], 0.0, look.slopes)
@@ -249,22 +249,22 @@ def _split(kinds: Kinds, view: CatalogueView, overlaps: Overlaps) -> EffectClass
     return best
 
 
-# Without a measurement nobody knows how slowly the noise changes: one independent reading in so many seconds.
+# Without a measurement the correlation time of the noise is unknown: one independent reading per this time.
 READING_S = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class RunDesign:
-    """What a menu could tell.
+    """The effects that runs of a menu could distinguish.
 
     Attributes:
         runs: the menu.
         snr: by effect (runs,) RMS change of each run's readings over the noise.
-        chosen: places of the runs that tell most effects apart, in the order in which they were chosen.
-        parts: number of groups that the effects shown fall into after each of them, the first entry before any.
-        together: classes of effects that the chosen runs leave together.
+        chosen: indices of the runs that distinguish most effects, in the order in which they were chosen.
+        parts: number of groups of the shown effects after each of them, the first entry before any.
+        together: classes of effects that the chosen runs do not distinguish.
         silent: effects that none of the chosen runs shows.
-        not_tried: effects that make no sense for this chain, with the reason.
+        not_tried: effects that are not applicable to this chain, with the reason.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -281,7 +281,7 @@ class RunDesign:
 
 
 def unread(runs: Sequence[PlannedRun], outputs: Sequence[str]) -> Measurement:
-    """A measurement of these runs without a reading: what a predictor needs to begin with."""
+    """Return a measurement of these runs without readings, with which a predictor can be created."""
     return Measurement(
         tuple(unread_run(run.history, outputs) for run in runs), tuple(outputs), source="the menu"
     )
@@ -295,22 +295,22 @@ def design_runs(
     most_runs: int | None = None,
     minutes: float = np.inf,
 ) -> RunDesign:
-    """Which effects the runs could tell apart, and the fewest of them that do.
+    """Return which effects the runs could distinguish, and the fewest runs that do.
 
     Args:
-        predictor: the study's model, with what the bench will read as its outputs; its runs do not count.
+        predictor: the study's model, with the planned readings as its outputs; its runs do not count.
         runs: the menu.
         kinds: effects.
-        most_runs, minutes: how many runs, and how long they may take in all.
+        most_runs, minutes: maximum number of runs, and their maximum total duration.
     """
     registry = predictor.bench.registry
-    view = CatalogueView.of(predictor, runs, _scales(predictor, runs), READING_S)
+    view = CatalogueView.from_predictor(predictor, runs, _scales(predictor, runs), READING_S)
     fitter = Fitter(view.predictor, view.readings)
     chosen_kinds, left_out = applicable(registry, fitter, kinds)
-    nothing = fitter.fit(EffectSet.of(registry, ()))
+    nothing = fitter.fit(EffectSet.from_kinds(registry, ()))
     found = excitations(registry, fitter, nothing, chosen_kinds)
     changes = catalogue_changes(registry, view, found)
-    overlaps = Overlaps.of(view, changes)
+    overlaps = Overlaps.from_changes(view, changes)
     snr = {kind: tuple(overlaps.snr(kind, k) for k in range(len(runs))) for kind in found}
     chosen, parts = _fewest(view, overlaps, snr, most_runs, minutes)
     shown = shown_by(snr, chosen)
@@ -320,12 +320,12 @@ def design_runs(
 
 
 def shown_by(snr: Mapping[str, Sequence[float]], chosen: Sequence[int]) -> list[str]:
-    """Effects that change the readings of at least one of these runs by more than the law's own error may."""
+    """Return effects that change the readings of at least one of these runs by more than the law's own error may."""
     return [kind for kind, values in snr.items() if any(values[k] >= THRESHOLDS.excited for k in chosen)]
 
 
 def _scales(predictor: Predictor, runs: Sequence[PlannedRun]) -> dict[str, float]:
-    """2 % of the range that the model predicts over the menu."""
+    """Return 2 % of the range that the model predicts over the menu."""
     predicted = predictor.evaluate((), [run.history for run in runs]).runs
     scales = {}
     for name in predictor.outputs:
@@ -342,7 +342,7 @@ def _fewest(
     most_runs: int | None,
     minutes: float,
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Runs until no further one splits anything; of those that split most, the shortest first."""
+    """Return runs until no further one splits anything; the best split first, then the shortest."""
     chosen: list[int] = []
     parts = [0]
     while most_runs is None or len(chosen) < most_runs:

@@ -1,16 +1,16 @@
-"""Which number would explain counts: every candidate's binomial likelihood at a few levels, and what follows.
+"""Evidence of counts: every candidate's binomial likelihood at a few levels, and the resulting probabilities.
 
-A hypothesis moves one number, or several at once, over a grid of levels of their plausible ranges; each level is
-equally likely before the counts. Its evidence is the mean of its likelihoods over the grid: a hypothesis pays for every
-level that does not fit, and needs no further price for its parameters (MacKay, *Information Theory, Inference, and
-Learning Algorithms*, chapter 28). Trial k draws the same random numbers at every level (common random numbers), so that
-levels differ by what was moved and not by luck.
+A hypothesis varies one number, or several at once, over a grid of levels of their plausible ranges; each level is
+equally likely before the counts. Its evidence is the mean of its likelihoods over the grid, which penalizes every
+level that does not fit, so that no further penalty for its parameters is needed (MacKay, *Information Theory,
+Inference, and Learning Algorithms*, chapter 28). Trial k draws the same random numbers at every level (common random
+numbers), so that levels differ by the varied number and not by chance.
 
-"Nothing is missing" is the model as it is; "outside the list" gives each condition a probability of its own, uniform.
+"Nothing is missing" is the unchanged model; "outside the list" gives each condition a separate uniform probability.
 The three kinds of explanation (nothing, something listed, something else) are equally probable before the counts, and
-what is listed shares its third: the price of looking at many (Scott and Berger, *Ann. Statist.* 38 (2010) 2587).
-What changes no simulated count takes no part. Evidences are divided by 2, as in every diagnosis: no simulation is
-exact. Repeats that scatter more than binomially divide them again.
+the listed ones share their third: the penalty for testing many (Scott and Berger, *Ann. Statist.* 38 (2010) 2587).
+Hypotheses that change no simulated count are excluded. Evidences are divided by 2, as in every diagnosis, because no
+simulation is exact. Repeats that scatter more than binomially divide them again.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from pliant.evidence.counts import (
     simulate_trials,
 )
 from pliant.execution.executors import Workers
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 
 TEMPERATURE = 2.0
-Point = tuple[tuple[VariedParameter, ...], tuple[float, ...]]  # what is moved, and its levels
+Point = tuple[tuple[VariedParameter, ...], tuple[float, ...]]  # the varied parameters, and their levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Explanation:
     """One hypothesis after the scan.
 
     Attributes:
-        parameters: what it moves; empty for the model as it is.
+        parameters: the varied parameters; empty for the unchanged model.
         grid: levels of the parameters, one tuple per point.
         simulated: counts of every point, by condition.
         log_likelihood: (points, conditions) of the measured counts.
@@ -59,38 +59,38 @@ class Explanation:
 
     @property
     def kinds(self) -> Kinds:
-        """Its name in a table: the parameters' names."""
+        """Return its name in a table: the parameters' names."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
     def total(self) -> Array:
-        """(points,) log-likelihood of all conditions together."""
+        """Return (points,) log-likelihood of all conditions together."""
         return np.asarray(self.log_likelihood.sum(axis=1))
 
     @property
     def log_evidence(self) -> float:
-        """log of the mean likelihood over the grid."""
+        """Return the log of the mean likelihood over the grid."""
         return float(scipy.special.logsumexp(self.total) - np.log(len(self.total)))
 
     @property
     def best(self) -> int:
-        """The point of the largest likelihood."""
+        """Return the index of the point of the largest likelihood."""
         return int(np.argmax(self.total))
 
     @property
     def weights(self) -> Array:
-        """(points,) posterior probability of each point."""
+        """Return (points,) posterior probability of each point."""
         return np.asarray(np.exp(self.total - scipy.special.logsumexp(self.total)))
 
     @property
     def shares(self) -> Array:
-        """(conditions,) probability of success, mean over the points by their weights."""
+        """Return (conditions,) probability of success, mean over the points by their weights."""
         s, m = np.moveaxis(np.array(self.simulated, float), 2, 0)
         return np.asarray(self.weights @ ((s + 1) / (m + 2)))
 
     @property
     def unseen(self) -> Array:
-        """(conditions,) log probability of each condition's count when the others alone choose the point."""
+        """Return (conditions,) log probability of each condition's count when the others alone weight the points."""
         total = self.total[:, None]
         left = scipy.special.logsumexp(total, axis=0)
         return np.asarray(left - scipy.special.logsumexp(total - self.log_likelihood, axis=0))
@@ -98,14 +98,14 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class CountEvidence:
-    """The table.
+    """The table of evidences of counts.
 
     Attributes:
-        comparison: of the model as it is.
-        rows: by the names of what is moved; NOTHING among them.
+        comparison: of the unchanged model.
+        rows: by the names of the varied parameters; NOTHING among them.
         comparisons: of every row at its best point.
         log_evidence: of every row that moves a count and of UNKNOWN, before tempering.
-        probability: of the same, the largest first, one in sum.
+        probability: of the same, the largest first, with sum one.
     """
 
     comparison: CountComparison
@@ -116,7 +116,7 @@ class CountEvidence:
 
 
 def count_evidence(
-    bench: Workbench,
+    bench: RunContext,
     counted: CountedStudy,
     hypotheses: Sequence[Sequence[VariedParameter]],
     workers: Workers = 1,
@@ -126,7 +126,7 @@ def count_evidence(
     Args:
         bench: plugins, store, progress; every setting is an artifact of the store, so that the scan can be resumed.
         counted: the study and the counts.
-        hypotheses: parameters that are moved together; the model as it is takes part always.
+        hypotheses: parameters that are varied together; the unchanged model is always included.
         workers: see `executor_for`.
     """
     points: list[Point] = [((), ())]
@@ -136,7 +136,7 @@ def count_evidence(
     settings = []
     for parameters, levels in points:
         for condition in conditions:
-            setting = Setting(counted.task_of(condition), counted.study.effects)
+            setting = Setting(counted.condition_task(condition), counted.study.effects)
             for parameter, level in zip(parameters, levels, strict=True):
                 setting = parameter.moved(setting, condition, level)
             settings.append(setting)
@@ -150,7 +150,7 @@ def weighed(
     points: Sequence[Point],
     simulated: Sequence[tuple[Count, ...]],
 ) -> CountEvidence:
-    """The table of simulated counts: `points` are (parameters, levels), NOTHING's with no parameters."""
+    """Return the table of simulated counts: `points` are (parameters, levels), without parameters for NOTHING."""
     measured = [(c.successes, c.trials) for c in counted.counts.conditions]
     rows: dict[Kinds, Explanation] = {}
     for parameters in dict.fromkeys(parameters for parameters, _ in points):
@@ -171,7 +171,7 @@ def weighed(
 
 
 def probabilities(log_evidence: Mapping[Kinds, float], scatter: float = 1.0) -> dict[Kinds, float]:
-    """Posterior probabilities: a third each for nothing, unknown and the listed ones before the counts."""
+    """Return posterior probabilities with a prior of a third each for nothing, unknown and the listed ones."""
     temperature = TEMPERATURE * scatter
     listed = max(1, sum(kinds not in (NOTHING, UNKNOWN) for kinds in log_evidence))
     price = temperature * float(np.log(listed))  # tempered like the evidence, it is the prior's share

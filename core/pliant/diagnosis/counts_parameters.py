@@ -1,4 +1,4 @@
-"""Numbers that may explain counts: strengths of effects, and keys of the task over their plausible ranges."""
+"""Parameters that may explain counts: strengths of effects, and keys of the task over their plausible ranges."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pliant.evidence.counts import (
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.counts import CountCondition
 from pliant.registry.discovery import Registry
-from pliant.tabular.units import ENDINGS
 from pliant.units import UnitError, parse_quantity
+from pliant_tables.units import ENDINGS
 
 STEPS = 4  # levels over a plausible range
 
@@ -51,7 +51,7 @@ class VariedParameter:
     where: tuple[tuple[str, Any], ...] = ()
 
     def moved(self, setting: Setting, condition: CountCondition, level: float) -> Setting:
-        """The setting of a condition with this number at a level."""
+        """Return the setting of a condition with this number at a level."""
         if any(condition.changes.get(key) != value for key, value in self.where):
             return setting
         if self.model is None:
@@ -63,10 +63,10 @@ class VariedParameter:
 def effect_parameters(
     registry: Registry, kinds: Sequence[str] | None, steps: int = STEPS
 ) -> list[VariedParameter]:
-    """Each strength of the kinds; by default of all effects with one parameter that act before the sensor.
+    """Return each strength of the kinds; by default of all effects with one parameter that act before the sensor.
 
     Mistakes of a record are left out: a count has no payload label and no clock. Effects of rate and memory have
-    several parameters and are tried only where they are asked for: their other parameters stay at typical values.
+    several parameters and are tried only if they are named: their other parameters stay at typical values.
     """
     varied = []
     for kind in kinds if kinds is not None else registry.kinds("effect"):
@@ -79,7 +79,7 @@ def effect_parameters(
         if kinds is None and (of_a_record or len(parameters) != 1):
             continue
         for p in strengths:
-            levels = levels_of(p.plausible[0], p.plausible[1], p.neutral, steps)
+            levels = scan_levels(p.plausible[0], p.plausible[1], p.neutral, steps)
             varied.append(VariedParameter(kind, f"{kind}.{p.name}", p.unit, levels, p.neutral, model, p.name))
     return varied
 
@@ -87,17 +87,17 @@ def effect_parameters(
 def task_parameters(
     counted: CountedStudy, ranges: Sequence[PlausibleRange], steps: int = STEPS
 ) -> list[VariedParameter]:
-    """A parameter for each plausible range of the study.
+    """Return a parameter for each plausible range of the study.
 
     Raises:
-        UserError: a range of a key that the task does not have, whose ends are no such quantity, or which the task
-            does not allow; a `where` that no condition of the file has.
+        UserError: a range of a key that the task does not have, with ends of the wrong quantity, or outside what the
+            task allows; a `where` that no condition of the file has.
     """
     return [_task_parameter(counted, one, steps) for one in ranges]
 
 
-def levels_of(low: float, high: float, neutral: float | None, steps: int) -> tuple[float, ...]:
-    """`steps` levels from low to high: half on each side of the present value where it is known and inside."""
+def scan_levels(low: float, high: float, neutral: float | None, steps: int) -> tuple[float, ...]:
+    """Return `steps` levels from low to high, half on each side of the present value if it is inside."""
     if neutral is None:
         return tuple(np.linspace(low, high, steps).tolist())
     if not low < neutral < high:
@@ -123,16 +123,16 @@ def _task_parameter(counted: CountedStudy, one: PlausibleRange, steps: int) -> V
             f"'measurements.plausible' has {one.key} only where {_said(one.where)}, and no condition of "
             f"{counted.counts.source} is that."
         )
-    present = {value_at(counted.task_of(c), key) for c in meant}
+    present = {value_at(counted.condition_task(c), key) for c in meant}
     neutral = float(present.pop()) if len(present) == 1 and None not in present else None
     for level in (low, high):
         try:
-            changed_task(counted.task_of(meant[0]), {key.dotted: level})
+            changed_task(counted.condition_task(meant[0]), {key.dotted: level})
         except ValidationError as error:
             text = sentences(error, type(counted.task), lambda at: "", ("task",))
             raise UserError(f"'measurements.plausible' of {one.key}: {text}") from None
     name = f"{key.dotted} where {_said(one.where)}" if where else key.dotted
-    levels = levels_of(low, high, neutral, steps)
+    levels = scan_levels(low, high, neutral, steps)
     return VariedParameter(key.dotted, name, key.si or "1", levels, neutral, where=tuple(where.items()))
 
 

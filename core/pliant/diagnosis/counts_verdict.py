@@ -1,4 +1,4 @@
-"""What counts say: the verdict, what is alike, what no condition shows, and what to count next."""
+"""Verdict on counts: the effect, similar explanations, undetectable effects, and the next condition to count."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from pliant.evidence.excess import Excess
 BELIEVED = 0.9
 FEWEST_TRIALS, FEWEST_CONDITIONS = 12, 3
 LEVEL = 0.05
-ALIKE = 0.2  # unexplained share below which two explanations move the conditions alike
-WORTH = 0.01  # disagreement about a probability, squared and weighted, below which no condition decides
+ALIKE = 0.2  # unexplained share below which two explanations change the conditions alike
+WORTH = 0.01  # disagreement about a probability, squared and weighted, below which no condition is decisive
 
 
 @dataclass(frozen=True)
 class NextCount:
-    """The measured condition in which the explanations differ most, by words, and the shares that they expect."""
+    """The measured condition in which the explanations differ most, in words, and the shares that they predict."""
 
     condition: str
     expected: Mapping[Kinds, float]
@@ -34,13 +34,13 @@ class NextCount:
 
 @dataclass(frozen=True)
 class CountJudgement(Judgement):
-    """A verdict with what it rests on, as `Judgement`.
+    """A verdict on counts with its grounds, as `Judgement`.
 
     Attributes:
         not_excited: explanations that change no simulated count beyond chance at any level tried.
-        smallest: explanation → the smallest change that these conditions would show.
-        alike: pairs of explanations that move the conditions alike, and the share that one leaves of the other.
-        next_count: what to count next; None where the explanations agree everywhere.
+        smallest: explanation → the smallest change that these conditions would reveal.
+        alike: pairs of explanations that change the conditions alike, and the share of one that the other leaves.
+        next_count: what to count next; None if the explanations agree everywhere.
     """
 
     not_excited: tuple[Kinds, ...]
@@ -50,7 +50,7 @@ class CountJudgement(Judgement):
 
 
 def judge_counts(found: CountEvidence) -> CountJudgement:
-    """Weigh the table of evidences."""
+    """Return the judgement of the table of evidences."""
     credible = credible_set(found.probability, BELIEVED)
     verdict, reasons = _verdict(found)
     selected = next(iter(found.probability)) if verdict == "missing_effect" else NOTHING
@@ -106,7 +106,7 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
 
 
 def _excess(compared: CountComparison) -> Excess:
-    """Over what chance alone would give; whether it is more than chance, exact tests say."""
+    """Return the error over that expected from chance; exact tests decide whether it is more than chance."""
     return Excess(compared.ratio_to_floor)
 
 
@@ -115,7 +115,7 @@ def _named(conditions: Sequence[ConditionResult]) -> str:
 
 
 def _smallest(found: CountEvidence, row: Explanation) -> float:
-    """The level nearest to the present value that would be seen if it were true, as often counted; NaN for none."""
+    """Return the detectable level nearest to the present value, with as many trials as counted; NaN without one."""
     plain = found.comparison
     seen = []
     for levels, counts in zip(row.grid, row.simulated, strict=True):
@@ -131,7 +131,7 @@ def _smallest(found: CountEvidence, row: Explanation) -> float:
 
 
 def _alike(found: CountEvidence, credible: tuple[Kinds, ...]) -> tuple[tuple[Kinds, Kinds, float], ...]:
-    """Pairs among the credible ones; the share is 1 − cos² of what they change in the shares of success."""
+    """Return similar pairs among the credible ones; the share is 1 − cos² of their changes in the shares of success."""
     base = found.rows[NOTHING].shares
     moves = {k: found.rows[k].shares - base for k in credible if k not in (NOTHING, UNKNOWN)}
     pairs = []
@@ -145,7 +145,7 @@ def _alike(found: CountEvidence, credible: tuple[Kinds, ...]) -> tuple[tuple[Kin
 
 
 def _next(found: CountEvidence, credible: tuple[Kinds, ...]) -> NextCount | None:
-    """Where the credible explanations expect the most different shares, weighted by their probabilities."""
+    """Return the condition with the largest variance of predicted shares over the credible explanations, or None."""
     rivals = [kinds for kinds in credible if kinds != UNKNOWN]
     if len(rivals) < 2:
         return None

@@ -1,6 +1,6 @@
-"""Which physical effect is missing: the whole path from a study and measurements to a verdict.
+"""Diagnosis of the missing physical effect: the whole path from a study and measurements to a verdict.
 
-A diagnosis in sentences that a bench scientist would use.
+The result is described in sentences for experimenters.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from pliant.diagnosis.excitation import (
 )
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.law_off import LawOff, law_off
-from pliant.diagnosis.law_posterior import LawErrorPrior, prior_of
+from pliant.diagnosis.law_posterior import LawErrorPrior, law_error_prior
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import offer
-from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
-from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
+from pliant.diagnosis.left_out import condition_indices, heldout_residual
+from pliant.diagnosis.next_run import Belief, NextRun, catalogue_view, run_that_excites, what_next
 from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
 from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector, readings_over_floor
 from pliant.diagnosis.search import HypothesisSearch, Tick
@@ -52,7 +52,7 @@ from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.compared import predict_knowing
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
-from pliant.evidence.places import residuals_of
+from pliant.evidence.places import run_residuals
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
@@ -60,41 +60,42 @@ from pliant.formatting import listed, percent, whole_percent
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import floor_remarks
 from pliant.measurements.repeats import repeat_groups
-from pliant.measurements.thinning import thinned
+from pliant.measurements.thinning import downsample
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
 
 MOST_PROFILED = 3
-# A diagnosis is refused where the model has no equilibrium in a larger share of the samples.
+# A diagnosis is refused if the model has no equilibrium in a larger share of the samples.
 MOST_WITHOUT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What was found, and everything that it rests on.
+    """The result of a diagnosis and its grounds.
 
     Attributes:
-        measurement: the readings that were judged: of long recordings a part, and none after unknown states.
+        measurement: the readings that were judged: a part of long recordings, and none after unknown states.
         judgement: verdict, probabilities, selected effects, credible set, reasons.
         table, fits: every hypothesis that was fitted.
         scales: noise floor of each output, the unit of all residuals.
-        noise: as the residuals of the best hypothesis show it.
+        noise: estimated from the residuals of the best hypothesis.
         not_excited: kinds that these runs could not show, each with the run that would.
         indistinguishable: pairs that these runs cannot separate.
-        classes: excited effects that none of these runs tells apart, by inputs and model alone, those that hold
-            an explanation that is left with the run that would split them.
+        classes: excited effects that none of these runs distinguishes, by inputs and model alone; those with a
+            remaining explanation have the run that would split them.
         detectable: smallest strengths that would be found.
-        depends_on: what the unexplained residual depends on, the most important first.
-        next_run: what to do next, where something is open.
-        remarks: what limits the verdict, in sentences.
-        circumstances: their names in words, as `compare` says them.
-        not_tried: candidates that could not be judged, and why, in sentences; `remarks` holds them, too.
+        depends_on: covariates that explain the remaining residual, the most important first.
+        next_run: the proposed next run, if the verdict is open.
+        remarks: limitations of the verdict, in sentences.
+        circumstances: names of covariates in words, as in `compare`.
+        not_tried: candidates that could not be judged, and why, in sentences; also part of `remarks`.
         explained: the hypothesis whose residual `depends_on` describes.
-        learned: what describes the error better than nothing where no listed effect explains it.
-        law_off: the error of the law beside the most probable listed hypothesis; None where the readings show none.
-        bookkeeping: what is probably written down wrongly, before any physics.
+        learned: the term that describes the error better than nothing if no listed effect explains it.
+        law_off: the error of the law with the most probable listed hypothesis; None if the readings show none.
+        law_alone: the error of the law if no effect is added, whatever the verdict; None if nothing shows one.
+        bookkeeping: probable mistakes of the record, before any physics.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
@@ -119,6 +120,7 @@ class Diagnosis:
     wall_s: float
     learned: LearnedTerm | None = None
     law_off: LawOff | None = None
+    law_alone: LawOff | None = None
     bookkeeping: tuple[Mistake, ...] = ()
 
     @property
@@ -134,14 +136,14 @@ class Diagnosis:
         return self.judgement.selected
 
     def left_out_ratio(self, kinds: Kinds) -> float:
-        """RMS error on runs left out of the fit over the floor; that of the noise for an effect outside the list."""
+        """Return the RMS error on held-out runs over the floor; that of the noise for an effect outside the list."""
         if kinds == UNKNOWN:
             return self.table.over_floor(self.noise.floor_square)
         row = self.table.rows[kinds]
         return self.table.over_floor(row.heldout_square if kinds else row.as_it_is)
 
     def left_out_errors(self, kinds: Kinds) -> dict[str, float]:
-        """RMS error of each output on runs left out of the fit, SI."""
+        """Return the RMS error of each output on held-out runs, SI."""
         plain = self.fits[NOTHING].raw
         left = heldout_residual(self.fits[kinds], self.readings.fold, plain) if kinds else plain
         return {
@@ -160,16 +162,16 @@ def diagnose(
     workers: Workers = 1,
     law_prior: LawErrorPrior | None = None,
 ) -> Diagnosis:
-    """Fit every candidate, weigh them, and say what can be said.
+    """Fit every candidate, weigh the evidence, and return the verdict with its grounds.
 
     Args:
         predictor: a study's model, driven by the measured histories.
-        kinds: candidates; all effects that make sense for this chain by default.
+        kinds: candidates; all effects applicable to this chain by default.
         thresholds: thresholds.
-        runs: what the bench can do next; the default menu without them.
+        runs: runs that are possible next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
-        workers: who fits hypotheses: processes, the scheduler of a dask cluster, an executor.
-        law_prior: how far the laws may be off; what the study states by default.
+        workers: where hypotheses are fitted: processes, the scheduler of a dask cluster, an executor.
+        law_prior: prior of the laws' error; the study's by default.
 
     Raises:
         UserError: an unknown kind, or no reading can be used.
@@ -179,19 +181,19 @@ def diagnose(
     registry = predictor.bench.registry
     asked = candidate_kinds(registry, kinds)
     known, unknown = with_known_states(predictor.measurement)
-    short, shortened = thinned(known)
+    short, shortened = downsample(known, len(predictor.chain.axes) > 1)
     if shortened:
         predictor = predictor.for_runs(short)
     mistakes = find_mistakes(predictor)
     plain = predict_knowing(predictor, mistakes)
     measurement, lost = _followed(short, plain)
-    readings, floors = readings_over_floor(measurement, residuals_of(measurement, plain))
+    readings, floors = readings_over_floor(measurement, run_residuals(measurement, plain))
     fitter = Fitter(predictor, readings)
-    nothing = fitter.fit(EffectSet.of(registry, NOTHING))
+    nothing = fitter.fit(EffectSet.from_kinds(registry, NOTHING))
     seen = noise_view(
         measurement, readings.unpack(nothing.residual), readings.scales, repeat_groups(measurement)
     )
-    law_prior = law_prior or prior_of(predictor.law_error)
+    law_prior = law_prior or law_error_prior(predictor.law_error)
     fitter = fitter.with_law_error(nothing, law_prior, seen.n_effective)
     threads = own_threads() if predictor.backend.capabilities.threads else 1
     with executor_for(workers, threads=threads) as executor:
@@ -228,8 +230,8 @@ def diagnose(
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
-    view = view_of(predictor, readings.scales, n, runs).with_law_error(fitter.law)
-    belief = Belief.of(search.fits, judgement.probability, table.noise, thresholds)
+    view = catalogue_view(predictor, readings.scales, n, runs).with_law_error(fitter.law)
+    belief = Belief.from_fits(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     excited = {kind: one for kind, one in shown.items() if kind not in silent}
     return Diagnosis(
@@ -264,20 +266,21 @@ def diagnose(
         learned=_learned(predictor, readings, table) if judgement.verdict == "unknown_effect" else None,
         wall_s=time.perf_counter() - started,
         law_off=off,
+        law_alone=bare,
         bookkeeping=mistakes,
     )
 
 
 def _learned(predictor: Predictor, readings: ReadingVector, table: EvidenceTable) -> LearnedTerm | None:
-    """A learned term on the model as it is."""
+    """Return a learned term on the unchanged model, or None."""
     groups = [group.runs for group in repeat_groups(predictor.measurement)]
-    return learn(predictor, readings, table.noise, condition_of_runs(readings.n_runs, groups)[readings.run])
+    return learn(predictor, readings, table.noise, condition_indices(readings.n_runs, groups)[readings.run])
 
 
 def _followed(
     measurement: Measurement, plain: Sequence[Mapping[str, Array]]
 ) -> tuple[Measurement, tuple[str, ...]]:
-    """The readings at which the model as it is has an equilibrium, and a sentence about the others."""
+    """Return the readings at which the unchanged model has an equilibrium, and a sentence about the others."""
     runs, without = [], {}
     for run, model in zip(measurement.runs, plain, strict=True):
         lost = np.any([~np.isfinite(values) for values in model.values()], axis=0)
@@ -314,11 +317,11 @@ def _estimates(
 def _ways_to_excite(
     view: CatalogueView, registry: Registry, shown: Mapping[str, Excitation], silent: Sequence[str]
 ) -> dict[str, str]:
-    """For each silent kind the run that its plugin names, or the one of the menu that shows it most."""
+    """Return for each silent kind the run that its plugin names, or the one of the menu that shows it most."""
     words = {kind: registry.get("effect", kind).implementation_class().notes.excited_by for kind in silent}
     unnamed = [kind for kind, text in words.items() if not text]
     if unnamed:
-        configs = {kind: EffectSet.of(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
+        configs = {kind: EffectSet.from_kinds(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
         words.update(run_that_excites(view, configs))
     return words
 
@@ -327,20 +330,20 @@ MOST_NAMED = 4
 
 
 def explanation(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
-    """Why, what follows from it, and what to do next; `reasons`: those of the verdict too."""
+    """Return the reasons, the consequences, and the next run; `reasons`: include those of the verdict."""
     proposed = next_words(found)
     return [*why(found, registry, reasons), *([proposed] if proposed else [])]
 
 
 def next_words(found: Diagnosis) -> str:
-    """The run to do next; empty where the verdict needs none."""
+    """Return the next run in words; empty if the verdict needs none."""
     if found.next_run is None or found.verdict == "missing_effect":
         return ""
     return f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}."
 
 
 def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
-    """The reasons of the verdict, what gives the selected effects away, what the rest depends on."""
+    """Return the verdict's reasons, the signatures of the selected effects, and the covariates of the residual."""
     lines = list(found.judgement.reasons) if reasons else []
     if found.law_off is not None:
         lines.append(law_words(found.law_off, found.explained))
@@ -349,10 +352,11 @@ def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]
         twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
         if twins:  # look-alikes that these runs cannot exclude
             lines.append(f"Under these runs {kind} can hardly be told from {' or '.join(twins)}.")
-    if found.verdict != "missing_effect":  # a selected effect stands out of its class
+    if found.verdict != "missing_effect":  # a selected effect is distinguished from its class
         left = {kind for kinds in found.judgement.credible for kind in kinds}
-        lines += [class_words(one, left) for one in found.classes if left & set(one.kinds)]
-    if found.verdict == "ambiguous":  # a look at the bench may decide what the readings do not
+        next_run = found.next_run.name if found.next_run is not None else ""
+        lines += [class_words(one, left, next_run) for one in found.classes if left & set(one.kinds)]
+    if found.verdict == "ambiguous":  # an inspection may decide what the readings do not
         left_kinds = dict.fromkeys(kind for kinds in found.judgement.credible for kind in kinds)
         for kind in [kind for kind in left_kinds if kind not in (UNKNOWN[0], LAW)][:MOST_NAMED]:
             lines += [" ".join(in_plain_words(registry, kind, signature=False))]
@@ -364,7 +368,7 @@ def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]
 
 
 def law_words(off: LawOff, beside: Kinds) -> str:
-    """How far the law is off beside the best explanation, and what can be done about it."""
+    """Return a sentence on the law's error with the best explanation, and on how to correct it."""
     more = f"Beside {' + '.join(beside)} the" if beside else "The"
     return (
         f"{more} law is off {off.words}, by {percent(off.size)} of its torque range, which explains "
@@ -374,23 +378,26 @@ def law_words(off: LawOff, beside: Kinds) -> str:
 
 
 def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> list[str]:
-    """An effect's plain name with what gives it away, and what to look at on the bench, as far as its notes say."""
+    """Return an effect's plain name with its signature, and what to inspect, as far as its notes state them."""
     component = registry.get("effect", kind)
     notes = component.implementation_class().notes
     known = f" {notes.signature}" if signature and notes.signature else ""
     lines = [f"{kind}, {component.summary}:{known}"] if known else [f"{kind}: {component.summary}."]
-    if of_the_bench(registry, kind):
+    if is_record_mistake(registry, kind):
         lines.append(f"{kind} is a mistake of the record: correct the file, not the physics.")
     return [*lines, *([f"On the bench: {notes.on_the_bench}"] if notes.on_the_bench else [])]
 
 
-def of_the_bench(registry: Registry, kind: str) -> bool:
-    """Whether an effect is a mistake of the record, which is corrected in the file."""
+def is_record_mistake(registry: Registry, kind: str) -> bool:
+    """Return whether an effect is a mistake of the record, which is corrected in the file."""
     return bool(registry.get("effect", kind).implementation_class().notes.origin == "bench")
 
 
-def class_words(one: EffectClass, first: Collection[str] = ()) -> str:
-    """Which effects look the same, those of `first` named first, and the run that parts them."""
+def class_words(one: EffectClass, first: Collection[str] = (), next_run: str = "") -> str:
+    """Return which effects look the same, those of `first` named first, and the run that distinguishes them.
+
+    If a `next_run` is proposed for the whole diagnosis, no other run is named: the report lists those.
+    """
     kinds = sorted(one.kinds, key=lambda kind: (kind not in first, kind))
     kinds = ["the law's own shape" if kind == LAW else kind for kind in kinds]
     more = len(kinds) - MOST_NAMED
@@ -398,12 +405,14 @@ def class_words(one: EffectClass, first: Collection[str] = ()) -> str:
     alike = f"At twice the noise these runs cannot tell {listed(names)} apart"
     if not one.run:
         return f"{alike}, and no run of the menu would."
+    if next_run and one.run != next_run:
+        return f"{alike}."
     would = "would" if len(one.parts) == len(kinds) else f"would split them into {len(one.parts)} groups"
     return f"{alike}; the run '{one.run}' {would} ({one.words}, {one.minutes:g} min)."
 
 
 def _dependence(found: Diagnosis) -> list[str]:
-    """What the residual of the best explanation depends on."""
+    """Return a sentence on the covariates of the best explanation's residual."""
     most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
@@ -412,5 +421,5 @@ def _dependence(found: Diagnosis) -> list[str]:
 
 
 def circumstance(found: Diagnosis, name: str) -> str:
-    """A covariate, or a pair of them, in words."""
+    """Return a covariate, or a pair of them, in words."""
     return " × ".join(found.circumstances.get(part, part) for part in name.split(" × "))

@@ -1,4 +1,4 @@
-"""What effects could explain of a residual to first order: the directions along which they change the readings."""
+"""First-order directions of effects: the changes of the readings that they could explain in a residual."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pliant.diagnosis.evidence_table import NOTHING, Kinds, sorted_kinds
 from pliant.diagnosis.excitation import Excitation
 from pliant.records.design import Array
 
-# Directions that are shorter than this share of the longest, or of what is left of them beside others, count as none.
+# Directions shorter than this share of the longest, or of their remainder after projection, are dropped.
 SHORT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """What each kind can do to the readings.
+    """The directions of each kind in the space of the readings.
 
     Attributes:
         kinds: all of them.
@@ -37,19 +37,19 @@ class Directions:
     gram: Array
 
     @staticmethod
-    def of(
+    def from_fits(
         kinds: Sequence[str],
         fits: Mapping[Kinds, EffectFit],
         shown: Mapping[str, Excitation],
         most_lost: float,
         whitened: Callable[[Array], Array] = lambda values: values,
     ) -> Directions:
-        """From the fits of single effects and from their plausible ends; kinds without an equilibrium have none.
+        """Return directions from fits of single effects and their plausible ends; none without an equilibrium.
 
         Args:
             kinds, fits, shown: effects, fits of each alone, and each at its plausible end.
             most_lost: the share of readings without an equilibrium at which a direction is still used.
-            whitened: takes what the law's own error may do out of (N,) readings.
+            whitened: removes the possible changes by the law's own error from (N,) readings.
         """
         nothing = fits[NOTHING]
         found: list[tuple[int, Array]] = []
@@ -74,7 +74,7 @@ class Directions:
         )
 
     def promising(self, residual: Array, size: int, count: int) -> list[Kinds]:
-        """The `count` sets of `size` effects that could explain most of a residual (N,), the best first."""
+        """Return the `count` sets of `size` effects that could explain most of a residual (N,), the best first."""
         right = self.columns.T @ residual[self.there]
         places = self._places()
         names = [kind for kind in self.kinds if len(places[kind])]
@@ -85,7 +85,7 @@ class Directions:
         return sorted(gains, key=lambda kinds: -gains[kinds])[:count]
 
     def next_to(self, residual: Array, slopes: Array, without: Sequence[str], count: int) -> list[str]:
-        """The `count` kinds, those in `without` excepted, that explain most beside the slopes (N, k) of a base."""
+        """Return the `count` kinds, except `without`, that explain most in addition to a base's slopes (N, k)."""
         basis = slopes[self.there]
         basis = basis[:, np.linalg.norm(basis, axis=0) > 0.0]
         rest, columns = residual[self.there], self.columns
@@ -101,7 +101,7 @@ class Directions:
         return {kind: np.flatnonzero(self.owner == number) for number, kind in enumerate(self.kinds)}
 
     def _explained(self, at: NDArray[np.intp], right: Array) -> float:
-        """Sum of squares of the projection of a vector on some columns, by their normal equations."""
+        """Return the sum of squares of the projection of a vector on some columns, by their normal equations."""
         values, vectors = np.linalg.eigh(self.gram[np.ix_(at, at)])
         felt = values > SHORT * max(float(values[-1]), 1.0)
         along = vectors[:, felt].T @ right[at]

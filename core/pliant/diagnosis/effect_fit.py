@@ -1,4 +1,4 @@
-"""A candidate at its best parameters, with what the readings say about the law's own error beside it."""
+"""A candidate at its best parameters, with the estimate of the law's own error."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class EffectFit:
     Attributes:
         candidate: what was fitted.
         x: (k,) parameters.
-        residual: (N,) reading − prediction over the noise floor, with all runs; less what the law's own error is
-            estimated to change, where that is part of the hypothesis.
+        residual: (N,) reading − prediction over the noise floor, with all runs; minus the estimated change by the law's
+            own error, if that is part of the hypothesis.
         slopes: (N, k) d prediction / dx over the noise floor.
-        converged: the last step gained next to nothing.
+        converged: the last step gained almost nothing.
         at_limit: (k,) the parameter ended on a bound.
         parts: steps of the integration from each sample to the next.
-        law: what the readings say about the law's own error beside the candidate; None where it is taken as exact.
+        law: the estimate of the law's own error with the candidate; None if the law is taken as exact.
     """
 
     candidate: EffectSet
@@ -38,37 +38,37 @@ class EffectFit:
 
     @property
     def raw(self) -> Array:
-        """(N,) reading − prediction with the law as it is."""
+        """Return (N,) reading − prediction with the unchanged law."""
         return self.residual if self.law is None else self.residual + self.law.change
 
     @property
     def information(self) -> Array:
-        """(k, k) JᵀJ of the parameters, the law's own error marginalised."""
+        """Return (k, k) JᵀJ of the parameters, with the law's own error marginalised."""
         return self.slopes.T @ self.slopes if self.law is None else self.law.reduce(self.slopes)
 
     @property
     def law_price(self) -> float:
-        """Log-odds that the law's own error costs."""
+        """Return the log-odds penalty of the law's own error."""
         return 0.0 if self.law is None else self.law.price
 
     def whitened(self, values: Array) -> Array:
-        """Return (N,) or (N, k) in readings' units with what the law's error may do taken out."""
+        """Return (N,) or (N, k) in units of the readings with the possible changes by the law's error removed."""
         if self.law is None:
             return values
-        return Whitener.of(self.law.columns, self.law.precision).apply(values)
+        return Whitener.from_sensitivities(self.law.columns, self.law.precision).apply(values)
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameter values by ``kind.name``."""
+        """Return parameter values by ``kind.name``."""
         return self.candidate.values(self.x)
 
     @property
     def named(self) -> dict[str, float]:
-        """x by ``kind.name``."""
+        """Return x by ``kind.name``."""
         return {one.name: float(x) for one, x in zip(self.candidate.parameters, self.x, strict=True)}
 
     def mean_square(self, weights: Array | None = None) -> float:
-        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
+        """Return the mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
         if weights is None:
             square = float(self.residual @ self.residual) / len(self.residual)
         else:
@@ -76,7 +76,7 @@ class EffectFit:
         return square if np.isfinite(square) else np.inf
 
     def cost(self, weights: Array) -> float:
-        """Sum of squared residuals, with what the prior of the law's error adds."""
+        """Return the sum of squared residuals, plus the penalty of the law's error."""
         penalty = 0.0 if self.law is None else self.law.penalty
         return self.mean_square(weights) * float(weights.sum()) + penalty
 
@@ -88,7 +88,7 @@ class EffectFit:
 
 
 def add_law_error(fit: EffectFit, columns: Array, prior: LawErrorPrior, n_effective: float) -> EffectFit:
-    """Return a fit without a law's error with what its readings say about it."""
+    """Return a fit without a law's error with the estimate of it from its readings."""
     free = ~np.array(fit.at_limit, bool)
     pulls = np.array([parameter.pull for parameter in fit.candidate.parameters])
     found = estimate(fit.residual, fit.slopes[:, free], pulls[free], columns, prior, n_effective)

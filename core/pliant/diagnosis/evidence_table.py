@@ -1,4 +1,4 @@
-"""The evidence of every hypothesis that was fitted, what it must pay, and its probability."""
+"""Evidence table: the evidence of every fitted hypothesis, its complexity penalty, and its probability."""
 
 from __future__ import annotations
 
@@ -16,29 +16,30 @@ from pliant.records.design import Array
 Kinds = tuple[str, ...]
 NOTHING: Kinds = ()
 UNKNOWN: Kinds = ("unknown",)
-# The law's own shape as a member of a class of look-alikes.
+# The law's own shape as a member of a class of indistinguishable effects.
 LAW = "law"
-# Rise of the error on conditions left out that is still rounding and noise.
+# Rise of the error on held-out conditions that is still rounding and noise.
 UNSEEN_RISE = 1.03
 
 
 @dataclass(frozen=True)
 class Row:
-    """One hypothesis.
+    """One hypothesis of the table.
 
     Attributes:
         kinds: its effects, sorted by name; empty for "nothing is missing".
         n_parameters: fitted strengths and shapes.
         mean_square: S, the mean squared residual in units of the floor's square.
-        heldout_square: the same with each run left out of its own fit.
-        unseen_square: the same with each condition left out, all its repeats together.
-        squares: what each condition adds to S; empty where there is one.
-        unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
+        heldout_square: the same with each run held out of the fit.
+        unseen_square: the same with each condition held out, all its repeats together.
+        squares: contribution of each condition to S; empty if there is only one.
+        unseen: sums of squares of each held-out condition; nan if a parameter is unknown without it.
         at_limit: names of parameters that ended on a bound.
-        form_price: log-odds that forms cost which vary; 0 for the plain ones.
-        law_price: log-odds that the law's own error costs beside these effects.
-        raw_square: S with the law as it is.
-        prior_price: log-odds that values outside their plausible ranges cost.
+        form_price: log-odds penalty of forms that vary; 0 for the plain ones.
+        law_price: log-odds penalty of the law's own error with these effects.
+        raw_square: S with the unchanged law.
+        prior_price: log-odds penalty of values outside their plausible ranges.
+        imitated_price: log-odds that an effect costs which the law's own error imitates.
     """
 
     kinds: Kinds
@@ -53,20 +54,21 @@ class Row:
     law_price: float = 0.0
     raw_square: float = np.nan
     prior_price: float = 0.0
+    imitated_price: float = 0.0
 
     @property
     def before_law_error(self) -> float:
-        """The mean square with the law as it is."""
+        """Return the mean square with the unchanged law."""
         return self.raw_square if np.isfinite(self.raw_square) else self.mean_square
 
     @property
     def explained_by_law(self) -> float:
-        """What the law's own error takes off the mean square."""
+        """Return the reduction of the mean square by the law's own error."""
         return max(self.raw_square - self.mean_square, 0.0) if np.isfinite(self.raw_square) else 0.0
 
     @property
     def as_it_is(self) -> float:
-        """The mean square on runs left out with the law as it is, where the law's own error is part of the row."""
+        """Return the mean square on held-out runs with the unchanged law, if the law's own error is part of the row."""
         return (
             max(self.raw_square, self.heldout_square) if np.isfinite(self.raw_square) else self.heldout_square
         )
@@ -74,7 +76,7 @@ class Row:
 
 @dataclass(frozen=True)
 class EvidenceTable:
-    """All rows, and the noise that they are weighed against.
+    """All rows, and the noise against which they are weighed.
 
     Attributes:
         shares: of each condition in all readings.
@@ -89,16 +91,16 @@ class EvidenceTable:
 
     @property
     def nothing(self) -> Row:
-        """The row of the model as it is."""
+        """Return the row of the unchanged model."""
         return self.rows[NOTHING]
 
     @property
     def n_candidates(self) -> int:
-        """Effects that were fitted by themselves."""
+        """Return the number of effects that were fitted alone."""
         return sum(len(kinds) == 1 for kinds in self.rows)
 
     def law_is_off(self, kinds: Kinds) -> bool:
-        """Whether beside these effects the readings show an error of the law, beyond doubt."""
+        """Return whether the readings show an error of the law with these effects, beyond doubt."""
         row = self.rows[kinds]
         if not (self.has_law_error and np.isfinite(row.mean_square) and row.raw_square > row.mean_square):
             return False
@@ -108,43 +110,43 @@ class EvidenceTable:
         return bool(0.5 * n * np.log(before / after) - row.law_price > LAW_IS_OFF)
 
     def over_floor(self, square: float) -> float:
-        """Root of a mean square over the noise floor; nan where the floor is not known or the data have no noise."""
+        """Return the root of a mean square over the noise floor; nan if the floor is unknown or the data noiseless."""
         floor = self.noise.floor_square
         return float(np.sqrt(square / floor)) if floor > LEAST_SQUARE else np.nan
 
     def excess(self, square: float) -> Excess:
-        """The same with its standard error."""
-        return Excess.of(self.over_floor(square), self.noise.floors, self.noise.n_effective)
+        """Return the root of a mean square over the noise floor with its standard error."""
+        return Excess.from_ratio(self.over_floor(square), self.noise.floors, self.noise.n_effective)
 
 
 @dataclass(frozen=True)
 class EvidenceThresholds:
-    """What a hypothesis must pay before it is believed; calibrated on simulated nulls with model error.
+    """Complexity penalties and thresholds of hypotheses; calibrated on simulated nulls with model error.
 
     Attributes:
-        effect: log-odds that each further effect costs, times ln(1 + candidates), beside the ½ ln n_eff of each
+        effect: log-odds penalty of each further effect, times ln(1 + candidates), in addition to the ½ ln n_eff of each
             parameter (Schwarz 1978): the longer the list, the likelier one of it fits by chance (Scott & Berger, Ann.
             Statist. 38, 2010).
-        third_effect: log-odds that a third effect costs beyond that: three of a long list imitate almost anything that
-            is not in it.
-        unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
-        model_form_tolerance: share of what a hypothesis explains that may be left over because its equation is an
+        third_effect: additional log-odds penalty of a third effect: three of a long list imitate almost anything
+            outside it.
+        unknown: log-odds penalty of "an effect outside the list", which may reach the noise floor with any form.
+        model_form_tolerance: share of what a hypothesis explains that may remain because its equation is an
             idealisation: a further effect must explain more than that.
-        unknown_form_tolerance: that share beside an effect outside the list, which could have any form.
-        temperature: log-evidence is divided by this: forms and noise models are never quite right.
+        unknown_form_tolerance: that share with an effect outside the list, which could have any form.
+        temperature: log-evidence is divided by this, because forms and noise models are inexact.
         believed: probability above which the first hypothesis is the verdict.
         between_run_scatter: between / within scatter from which runs do not repeat.
-        drift: change of scale between repeats, in floors (which it swells), from which they do not.
+        drift: change of scale between repeats, in floors (which it increases), from which they do not.
         fewest: n_eff below which no verdict is given.
-        rival_form: log-odds that a hypothesis loses at most against a rival of the same size for each share of what the
-            exchanged effect explains that it leaves over: more data do not tell whether a small share is another effect
-            or a form that is not quite ours.
-        excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
-            that an effect is paid only for what it explains beyond that.
-        reversed_gain: log-odds that a further effect loses at most for explaining nothing but what smaller sets may
-            leave by themselves.
-        law_form_tolerance: share of what the law's own error explains that may be left over because it is taken to
-            first order.
+        rival_form: maximum log-odds that a hypothesis loses against a rival of the same size, for each share of what
+            the exchanged effect explains that it leaves: more data do not decide whether a small share is another
+            effect or an inexact form.
+        excited: change in σ below which an effect cannot be judged: the model's own law may have an error of this size,
+            so that only what an effect explains beyond it counts.
+        reversed_gain: maximum log-odds that a further effect loses because it explains only what smaller sets may leave
+            anyway.
+        law_form_tolerance: share of what the law's own error explains that may remain because it is taken to first
+            order.
     """
 
     effect: float = 2.1
@@ -163,29 +165,29 @@ class EvidenceThresholds:
     reversed_gain: float = 6.0
 
     def price(self, effects: int, n_candidates: int) -> float:
-        """What so many effects cost together when so many are tried."""
+        """Return the penalty of a number of effects together, given the number of candidates."""
         return self.effect * float(np.log1p(n_candidates)) * effects + self.third_effect * max(effects - 2, 0)
 
 
 THRESHOLDS = EvidenceThresholds()
-# What an error of the law of the usual size costs in log-odds, about.
+# Approximate log-odds penalty of an error of the law of the usual size.
 USUAL_LAW_PRICE = 30.0
 # Excess over the noise's square at which an effect outside the list is as likely as the hypothesis that leaves it.
 OUTSIDE = 5.0
-# Log-odds of an error of the law from which it is stated as one.
+# Log-odds of an error of the law from which it is reported.
 LAW_IS_OFF = 6.0
-# Share of that tolerance where forms vary: they have taken up the rest.
+# Share of that tolerance if forms vary, because they account for the rest.
 BENT_SHARE = 0.2
 # Half the number of independent ways in which a form may be wrong.
 COINCIDENCE = 2.0
 
 
 def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
-    """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
+    """Return ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` if it can be judged.
 
     −½ n_eff ln S* − ½ k ln n_eff − effect · ln(1 + candidates) · effects, S* the mean squared residual plus, for every
-    hypothesis but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong
-    equations of simpler hypotheses may have left over.
+    hypothesis but "nothing", the part that a slightly wrong law may explain alone, and the part that the slightly wrong
+    equations of simpler hypotheses may have left.
     """
     n = max(table.noise.n_effective, 2.0)
     found = {}
@@ -193,8 +195,9 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     for kinds, row in table.rows.items():
         price = thresholds.price(len(kinds), table.n_candidates)
         paid = 0.5 * row.n_parameters * np.log(n) + price + row.form_price + row.law_price + row.prior_price
+        paid += row.imitated_price
         found[kinds] = -0.5 * n * np.log(paid_square[kinds]) - paid
-    _pay_rivals(table, found, paid_square, n, thresholds)
+    _limit_rival_advantage(table, found, paid_square, n, thresholds)
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
@@ -207,8 +210,8 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
 def paid_squares(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
     """Return S* of each row: S with its allowance.
 
-    Beside a law that may be off the allowance makes no set worse than the best smaller one by more than
-    `reversed_gain` in log-evidence: an effect's merit may be that the law need not be off.
+    With a law error the allowance makes no set worse than the best smaller one by more than `reversed_gain` in
+    log-evidence: an effect's merit may be that no error of the law is needed.
     """
     n = max(table.noise.n_effective, 2.0)
     paid: dict[Kinds, float] = {}
@@ -224,10 +227,10 @@ def paid_squares(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
 
 
 def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
-    """Return the log-odds of an effect outside the list against a hypothesis, by what that leaves above the noise.
+    """Return the log-odds of an effect outside the list against a hypothesis, by its error above the noise.
 
-    With e the excess over the floor, in units of it and beyond two standard errors, the odds are (e / `OUTSIDE`)²: a
-    hypothesis that reaches the floor has none against it, one that leaves twice the noise has 1 : 3.
+    With e the excess over the floor, in units of it and beyond two standard errors, the odds are (e / `OUTSIDE`)²: zero
+    for a hypothesis that reaches the floor, 1 : 3 for one that leaves twice the noise.
     """
     floor, n = table.noise.floor_square, max(table.noise.n_effective, 2.0)
     square = table.rows[kinds].mean_square
@@ -237,19 +240,19 @@ def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
     return 2.0 * float(np.log(excess / OUTSIDE)) if excess > 0.0 else -np.inf
 
 
-def _pay_rivals(
+def _limit_rival_advantage(
     table: EvidenceTable,
     found: dict[Kinds, float],
     paid: Mapping[Kinds, float],
     n: float,
     thresholds: EvidenceThresholds,
 ) -> None:
-    """No hypothesis gets more against a rival of its size than is due to it, in place.
+    """Limit the advantage over a rival of the same size to the admissible one, in place.
 
-    With x the share of what the exchanged effects explain that the rival leaves over, and e what either leaves above
-    the noise and the law's own error, at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): were the rival
-    right with a form of its own, the best one would have to meet it by chance as closely as it does. What one condition
-    shows by itself counts whatever else was measured (`_due_to_one`): runs in which both do the same make x small.
+    With x the share of what the exchanged effects explain that the rival leaves, and e the error of either above the
+    noise and the law's own error, it is at most `rival_form` · x + `COINCIDENCE` · ln (e / e of the best): if the rival
+    were right with another form, the best one would match it that closely only by chance. The evidence of one condition
+    counts regardless of the others (`_due_to_one`): runs in which both act alike make x small.
     """
     for size in {len(kinds) for kinds in found} - {0}:
         rivals = [
@@ -282,11 +285,11 @@ def _pay_rivals(
 def _due_to_one(
     shares: Sequence[float], rows: Sequence[Row], n: float, allowed: float, thresholds: EvidenceThresholds
 ) -> float:
-    """What a rival would lose at most, were one condition all that was measured: the condition that shows most.
+    """Return the maximum loss of a rival if only the most informative condition had been measured.
 
     Args:
         shares: of each condition in all readings.
-        rows: the rival, the best one, and what both have in common.
+        rows: the rival, the best one, and the effects common to both.
         n, allowed, thresholds: as for all readings.
     """
     if not shares or not all(row.squares for row in rows):
@@ -307,13 +310,13 @@ def _due_to_one(
 
 
 def _above(table: EvidenceTable, square: float, n: float, thresholds: EvidenceThresholds) -> float:
-    """What a mean square is above the noise, with what n readings and a law that is slightly off leave open."""
+    """Return a mean square above the noise, plus the uncertainty from n readings and a slightly wrong law."""
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     return max(square - floor, 0.0) + floor * float(np.sqrt(2.0 / n)) + thresholds.excited**2
 
 
 def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
-    """Normalised exp(evidence / temperature), the largest first."""
+    """Return normalised exp(evidence / temperature), the largest first."""
     top = max(evidence.values())
     weights = {kinds: float(np.exp((value - top) / temperature)) for kinds, value in evidence.items()}
     total = sum(weights.values())
@@ -322,7 +325,7 @@ def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[K
 
 
 def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kinds, ...]:
-    """The most probable hypotheses that hold `share` together."""
+    """Return the most probable hypotheses with a total probability of `share`."""
     chosen: list[Kinds] = []
     total = 0.0
     for kinds, probability in found.items():
@@ -334,8 +337,9 @@ def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kind
 
 
 def predicts_unseen(table: EvidenceTable, kinds: Kinds) -> bool:
-    """Whether every effect of a set lowers the error on runs that its fit has not seen, and raises it on no
-    conditions left out. An effect that one condition alone shows says nothing about that condition.
+    """Return whether every effect of a set lowers the error on held-out runs without raising it on held-out conditions.
+
+    An effect that only one condition shows cannot be tested on that condition.
     """
     row = table.rows[kinds]
     simpler = [tuple(kind for kind in kinds if kind != left) for left in kinds]
@@ -353,8 +357,9 @@ def _no_worse_unseen(mine: Array, theirs: Array) -> bool:
 
 
 def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> bool:
-    """Whether a further effect could pay its price if it reached the noise floor, and with it the law's error were one
-    of a usual price.
+    """Return whether a further effect could pay its penalty if it reached the noise floor.
+
+    It may also reduce the penalty of the law's error to the usual one.
     """
     n = max(table.noise.n_effective, 2.0)
     now = table.rows[kinds].mean_square + _allowance(table, kinds, thresholds)
@@ -367,19 +372,19 @@ def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThr
     return bool(gain > price + 0.5 * np.log(n))
 
 
-# An implausible value costs so much at most.
+# Maximum penalty of an implausible value.
 MOST_PRIOR_PRICE = 15.0
 
 
 def prior_price(fit: EffectFit) -> float:
-    """Return what values outside their plausible ranges cost, in log-odds.
+    """Return the log-odds penalty of values outside their plausible ranges.
 
-    Of a parameter whose plausible range holds 90 % of its prior, a normal one in x, ½ (z² − 1.645²) where |z| > 1.645.
+    The plausible range is 90 % of a normal prior in x: the penalty is ½ (z² − 1.645²) where |z| > 1.645.
     """
     price = 0.0
     for parameter, x in zip(fit.candidate.parameters, fit.x, strict=True):
         if parameter.is_form:
-            continue  # `form_price` holds its prior
+            continue  # `form_price` includes its prior
         low, high = parameter.plausible
         if parameter.is_strength:
             low, high = min(low, 0.0), max(high, 0.0)
@@ -389,12 +394,12 @@ def prior_price(fit: EffectFit) -> float:
 
 
 def sorted_kinds(kinds: Sequence[str]) -> Kinds:
-    """Kinds in one order, so that a pair has one name."""
+    """Return kinds in a fixed order, so that a pair has one name."""
     return tuple(sorted(kinds))
 
 
 def at_limit(fit: EffectFit) -> tuple[str, ...]:
-    """Parameters of a fit that ended on a bound."""
+    """Return the parameters of a fit that ended on a bound."""
     ends = zip(fit.candidate.parameters, fit.at_limit, strict=True)
     return tuple(parameter.name for parameter, there in ends if there)
 
@@ -402,7 +407,7 @@ def at_limit(fit: EffectFit) -> tuple[str, ...]:
 def _left_over(
     table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds, form: float | None = None
 ) -> float:
-    """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
+    """Return the error above the noise that slight errors of the law and of a hypothesis' equations may leave."""
     explained = table.nothing.before_law_error - table.rows[kinds].before_law_error
     varies = BENT_SHARE if table.rows[kinds].form_price > 0.0 else 1.0
     tolerance = varies * thresholds.model_form_tolerance if form is None else form
@@ -412,7 +417,7 @@ def _left_over(
 
 
 def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
-    """What hypotheses with fewer effects may leave, the best of each size: no merit of any further effect."""
+    """Return the largest error that hypotheses with fewer effects may leave, which is no merit of a further effect."""
     left = [thresholds.excited**2] if kinds else [0.0]
     for size in range(len(kinds)):
         smaller = [key for key in table.rows if len(key) == size]

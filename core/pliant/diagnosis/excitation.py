@@ -1,4 +1,4 @@
-"""What these runs can show at all: effects that they excite, that they cannot tell apart, that they could detect."""
+"""Excitation of effects by given runs: those that they excite, cannot distinguish, or could detect."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet, FitParameter
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import LAW, EvidenceThresholds, Kinds
-from pliant.diagnosis.fitting import Fitter, reason_of
+from pliant.diagnosis.fitting import Fitter, exclusion_reason
 from pliant.diagnosis.law_discrepancy import LawReference
 from pliant.diagnosis.law_posterior import Whitener
 from pliant.errors import UserError
@@ -19,13 +19,13 @@ from pliant.execution.jobs import JobQueue
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
-# Strength, in σ, at which two effects are asked whether they can be told apart.
+# Strength, in σ, at which two effects are tested for distinguishability.
 TYPICAL_SNR = 2.0
 # Below this many units of n_eff · SNR² · unexplained share two effects look the same. Log-odds of two effects are
-# about normal with mean m and variance 2 m, m = n_eff · SNR² · share / 2 / (1 + 0.3²); so much lets 19 of 20 samples
+# about normal with mean m and variance 2 m, m = n_eff · SNR² · share / 2 / (1 + 0.3²); at this value 19 of 20 samples
 # reach the odds of 9 : 1, halved by the temperature, that a verdict needs.
 SEPARABLE = 28.0
-# Directions of an effect that are weaker than this share of its strongest are none.
+# Directions of an effect below this share of its strongest are dropped.
 SMALLEST = 1e-8
 
 
@@ -63,7 +63,7 @@ class ConfoundedPair:
 
 @dataclass(frozen=True)
 class Detectable:
-    """The strength from which an effect would be found under these runs."""
+    """The smallest strength at which an effect would be detected under these runs."""
 
     kind: str
     parameter: str
@@ -74,24 +74,24 @@ class Detectable:
 def applicable(
     registry: Registry, fitter: Fitter, kinds: Sequence[str], executor: Executor | None = None
 ) -> tuple[list[str], dict[str, str]]:
-    """Kinds that this chain can have, and the others with the plugin's reason, without its advice on a study."""
+    """Return the kinds applicable to this chain, and the others with the plugin's reason, without its advice."""
     reasons: dict[str, str] = {}
     asked: dict[str, tuple[EffectSet, Array]] = {}
     predictor = fitter.predictor
     histories = [run.history for run in predictor.measurement.runs]
     for kind in kinds:
         try:
-            candidate = EffectSet.of(registry, (kind,))
+            candidate = EffectSet.from_kinds(registry, (kind,))
             start = candidate.starts()[0]
             effect = predictor.bench.build("effect", candidate.configs(start)[0])
         except UserError as error:
-            reasons[kind] = reason_of(error)
+            reasons[kind] = exclusion_reason(error)
             continue
         if unsuited := effect.unsuited(predictor.chain, histories):
             reasons[kind] = unsuited
         else:
             asked[kind] = candidate, start
-    with JobQueue(executor or InlineExecutor(), fitter.refusal_from) as queue:
+    with JobQueue(executor or InlineExecutor(), fitter.check_applicable) as queue:
         for kind, one in zip(asked, queue.each(list(asked.values())), strict=True):
             if refusal := one.unwrap():
                 reasons[kind] = refusal
@@ -105,8 +105,8 @@ def excitations(
     kinds: Sequence[str],
     executor: Executor | None = None,
 ) -> dict[str, Excitation]:
-    """Every effect as strong as an expert would still believe, shapes in the middle of their range."""
-    candidates = [EffectSet.of(registry, (kind,)) for kind in kinds]
+    """Return every effect at the end of its plausible strength, with shapes in the middle of their range."""
+    candidates = [EffectSet.from_kinds(registry, (kind,)) for kind in kinds]
     asked = [(candidate, end, nothing.parts) for candidate in candidates for end in _ends(candidate)]
     found: dict[str, Excitation] = {}
     with JobQueue(executor or InlineExecutor(), fitter.look_from) as queue:
@@ -120,9 +120,9 @@ def excitations(
 
 
 def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
-    """Change (N,) and slopes (N, k), 0 where there is no equilibrium, and the RMS change where there is.
+    """Return change (N,) and slopes (N, k), 0 where there is no equilibrium, and the RMS change elsewhere.
 
-    It is 0 where more than half of the readings have none.
+    The RMS change is 0 if more than half of the readings have no equilibrium.
     """
     there = np.isfinite(change) & np.isfinite(slopes).all(axis=1)
     snr = float(np.sqrt(np.mean(change[there] ** 2))) if 2 * there.sum() > len(there) else 0.0
@@ -130,7 +130,7 @@ def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
 
 
 def not_excited(found: Mapping[str, Excitation], thresholds: EvidenceThresholds) -> tuple[str, ...]:
-    """Kinds whose change stays below the limit at every plausible strength."""
+    """Return kinds whose change stays below the limit at every plausible strength."""
     return tuple(kind for kind, one in found.items() if one.snr < thresholds.excited)
 
 
@@ -140,14 +140,18 @@ def confounded_with(
     n: float,
     law: LawReference | None = None,
 ) -> tuple[ConfoundedPair, ...]:
-    """Pairs of excited effects that n effective readings cannot separate at a typical strength.
+    """Return pairs of excited effects that n effective readings cannot separate at a typical strength.
 
-    b imitates a by its change and its slopes, at the plausible strength and where it was fitted: the least
-    squares residual of a's change on these is what remains to tell them apart. With `law`, the law's own error may be
-    large beside either, and is a kind of its own, `LAW`, which is paired with every effect that it imitates.
+    b imitates a by its change and its slopes, at the plausible strength and at its fit: the least squares residual of
+    a's change on these distinguishes them. With `law`, a large error of the law may accompany either effect; it is also
+    a kind, `LAW`, which is paired with every effect that it imitates.
     """
     excited = [one for one in found.values() if one.snr > 0.0]
-    whitener = None if law is None else Whitener.of(law.columns, law.precision_at(law.prior.large, n))
+    whitener = (
+        None
+        if law is None
+        else Whitener.from_sensitivities(law.columns, law.precision_at(law.prior.large, n))
+    )
     pairs = []
     for b in excited:
         others = [a for a in excited if a.kind != b.kind]
@@ -173,12 +177,16 @@ def detectable(
     thresholds: EvidenceThresholds,
     law: LawReference | None = None,
 ) -> tuple[Detectable, ...]:
-    """For each effect the strength at which it would be believed against "nothing", changes taken as proportional.
+    """Return for each effect the strength at which it would be believed over "nothing", with proportional changes.
 
-    It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs. With `law`, what
-    the law's own error can imitate does not count.
+    It must exceed its penalty, the part that a slightly wrong law explains alone, and the odds that a verdict needs.
+    With `law`, the part that the law's own error can imitate does not count.
     """
-    whitener = None if law is None else Whitener.of(law.columns, law.precision_at(law.prior.large, n))
+    whitener = (
+        None
+        if law is None
+        else Whitener.from_sensitivities(law.columns, law.precision_at(law.prior.large, n))
+    )
     odds = thresholds.temperature * np.log(thresholds.believed / (1.0 - thresholds.believed))
     price = 2.0 * (thresholds.price(1, len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
     smallest = float(np.sqrt((1.0 + thresholds.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
@@ -201,7 +209,7 @@ def _strength(candidate: EffectSet) -> int:
 
 
 def _ends(candidate: EffectSet) -> list[Array]:
-    """Points with the strength at each end of its plausible range, all else in the middle."""
+    """Return points with the strength at each end of its plausible range, all else in the middle."""
     middle = np.array([sum(parameter.plausible) / 2 for parameter in candidate.parameters])
     place = _strength(candidate)
     points = []
@@ -215,9 +223,9 @@ def _ends(candidate: EffectSet) -> list[Array]:
 def _unexplained(
     others: Sequence[Excitation], b: Excitation, fitted: EffectFit | None, whitener: Whitener | None
 ) -> list[float]:
-    """Share of each other one's squared change that b's directions leave, from their orthonormal basis.
+    """Return the share of each other's squared change that is orthogonal to b's directions.
 
-    With a `whitener`, what the law's own error may do is no difference.
+    With a `whitener`, the possible changes by the law's own error are removed first.
     """
     basis = np.column_stack([b.change, b.slopes, *([] if fitted is None else [fitted.slopes])])
     there = np.all(np.isfinite(basis), axis=1)

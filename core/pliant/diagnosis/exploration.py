@@ -1,18 +1,19 @@
-"""The model's readings at draws of a posterior: whether Laplace's approximation holds, and what prediction depends on.
+"""Exploration of a posterior by draws: a check of Laplace's approximation, and the sensitivity of the prediction.
 
-Check. Draws come from a normal distribution that is wider than the approximation, so that they meet what it may miss. A
-draw x counts with the weight w = p(x) / q(x), q its density and p likelihood times prior without any approximation; D
-draws are worth (Σ w)² / Σ w² (Kong, Liu & Wong 1994). Weighted mean and spread are then those of the posterior, and
-the approximation holds where they are close to its own. A hundred draws do not tell the far end of a bent valley; the
-profile intervals do (`leaning`), and where one of their sides is not as long as the normal one the bars are rough, too.
+Check. Draws come from a normal distribution that is wider than the approximation, to cover what it may miss. A draw x
+has the weight w = p(x) / q(x), with its density q and the likelihood times prior p without any approximation; D draws
+have the effective sample size (Σ w)² / Σ w² (Kong, Liu & Wong 1994). Weighted mean and spread are those of the
+posterior, and the approximation is accepted if its own are close to them. A hundred draws do not resolve the tail of a
+curved valley; the profile intervals do (`leaning`), and if one of their sides differs in length from the normal one
+the error bars are rough, too.
 
-Shares. How much of the prediction's variance over the posterior goes with a parameter: `first`, what would go away on
-average if it became known, with all that it tells about the others, and `total`, what would stay if all others became
-known. For independent parameters these are Sobol's indices; dependent ones are drawn one after another from numbers
-that are independent, and the parameter in question stands first or last (Mara & Tarantola, Reliab. Eng. Syst. Saf. 107,
+Shares. The shares of the prediction's variance over the posterior that a parameter accounts for: `first`, the expected
+reduction if it became known, including what it implies about the others, and `total`, the remaining share if all
+others became known. For independent parameters these are Sobol's indices; dependent ones are drawn one after another
+from independent numbers, with the parameter in question first or last (Mara & Tarantola, Reliab. Eng. Syst. Saf. 107,
 2012; Kucherenko, Tarantola & Annoni, Comput. Phys. Commun. 183, 2012). The indices of many readings are their mean
-weighted by variance (Gamboa et al., Electron. J. Stat. 8, 2014), taken over principal components of the readings, each
-a polynomial of second degree that was fitted to the draws.
+weighted by variance (Gamboa et al., Electron. J. Stat. 8, 2014), over principal components of the readings, each a
+second-degree polynomial fitted to the draws.
 """
 
 from __future__ import annotations
@@ -34,25 +35,25 @@ from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.records.design import Array
 
 MOST_DRAWS, FEWEST_DRAWS = 128, 16
-# Readings that are predicted in all: fewer draws of long recordings.
+# Maximum number of predicted readings: fewer draws for long recordings.
 MOST_PREDICTED = 8_000_000
 # Draws are spread by this factor more than the approximation.
 WIDER = 1.4
-# The approximation holds where no mean is off by more than this share of its standard deviation, no standard deviation
-# by more than this factor, as far as draws of this worth tell.
+# The approximation is accepted if no mean is off by more than this share of its standard deviation, and no standard
+# deviation by more than this factor, with at least this effective number of draws.
 OFF, FACTOR, ENOUGH = 0.3, 1.25, 12.0
 LEANING = 1.35
 SEED = 0
-# Of a draw, as of a fit, so many readings may be lost for want of an equilibrium.
+# Share of the readings without an equilibrium that is allowed in a draw, as in a fit.
 MOST_LOST = 0.02
-# Principal components hold this share of the variance.
+# Share of the variance kept in the principal components.
 HELD = 0.999
 SOBOL_POINTS = 1024
 
 
 @dataclass(frozen=True)
 class Share:
-    """Shares of a prediction's variance that go with a parameter, see above."""
+    """Shares of a prediction's variance that a parameter accounts for, see above."""
 
     first: float
     total: float
@@ -60,15 +61,15 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """What draws of a posterior read.
+    """The predicted readings at draws of a posterior.
 
     Attributes:
         x: (D, k) draws.
-        weights: (D,) of each, their sum 1; all 0 where none has an equilibrium.
-        off: (k,) weighted mean less the approximation's, in its standard deviations; NaN without weights.
+        weights: (D,) of each, with sum 1; all 0 if none has an equilibrium.
+        off: (k,) weighted mean minus the approximation's, in its standard deviations; NaN without weights.
         factor: (k,) weighted standard deviation over the approximation's.
-        spread: by output the standard deviation that the parameters give its readings, root mean square, SI.
-        shares: by output and parameter; empty for outputs whose readings no parameter moves.
+        spread: by output the standard deviation of its readings due to the parameters, root mean square, SI.
+        shares: by output and parameter; empty for outputs whose readings no parameter changes.
     """
 
     x: Array
@@ -80,13 +81,13 @@ class Exploration:
 
     @property
     def worth(self) -> float:
-        """How many draws of the posterior itself these are worth."""
+        """Return the effective number of draws from the posterior itself."""
         squares = float(self.weights @ self.weights)
         return 1.0 / squares if squares > 0.0 else 0.0
 
     @property
     def good(self) -> bool:
-        """The normal approximation is close."""
+        """Return whether the normal approximation is close."""
         sizes = np.maximum(self.factor, 1.0 / np.maximum(self.factor, 1e-9))
         close = bool(np.all(np.abs(self.off) <= OFF) and np.all(sizes <= FACTOR))
         return self.worth >= ENOUGH and close
@@ -105,10 +106,10 @@ def explore(
     Args:
         fitter: that of the fit.
         posterior: of the fit.
-        scale: s², what one independent reading adds to Σ r² by chance.
-        parts: steps of the integration from sample to sample, as the fit had them.
+        scale: s², the expected contribution of one independent reading to Σ r².
+        parts: steps of the integration from sample to sample, as in the fit.
         count: draws; as many as `MOST_PREDICTED` readings allow by default.
-        law: the law's own error as it was part of the fit.
+        law: the law's own error as part of the fit.
     """
     wide = replace(posterior, covariance=WIDER**2 * posterior.covariance)
     x = wide.draws(count or draws_for(parts * len(fitter.readings)), SEED)
@@ -119,7 +120,7 @@ def explore(
     there = lost.mean(axis=1) <= MOST_LOST
     known = np.where(lost, 0.0, residual)
     if law is not None:
-        known = Whitener.of(law.columns, law.precision).apply(known.T).T
+        known = Whitener.from_sensitivities(law.columns, law.precision).apply(known.T).T
     squares = known**2 @ fitter.weights
     logs = np.where(there, log_density(squares, x, scale) - _log_normal(wide, x), -np.inf)
     weights = np.zeros(len(x)) if not there.any() else np.exp(logs - logs.max())
@@ -138,7 +139,7 @@ def explore(
 
 @dataclass(frozen=True)
 class Leaning:
-    """A parameter one side of whose 90 % interval is `ratio` times as long as a normal distribution has it."""
+    """A parameter with one side of its 90 % interval `ratio` times as long as for a normal distribution."""
 
     name: str
     upwards: bool
@@ -146,11 +147,11 @@ class Leaning:
 
 
 def leaning(posterior: Posterior, found: Uncertainty) -> Leaning | None:
-    """The side of a profile interval that is least like the normal one, where that is more than `LEANING`.
+    """Return the side of a profile interval that differs most from the normal one, if by more than `LEANING`.
 
     Args:
-        posterior: tells in which x the distribution is normal.
-        found: profile intervals of the same parameters; sides that end at a bound are not looked at.
+        posterior: defines the x in which the distribution is normal.
+        found: profile intervals of the same parameters; sides that end at a bound are ignored.
     """
     sides = []
     for parameter, x, rate, one in zip(
@@ -165,12 +166,12 @@ def leaning(posterior: Posterior, found: Uncertainty) -> Leaning | None:
 
 
 def draws_for(readings: int) -> int:
-    """How many draws a measurement of so many readings is explored with."""
+    """Return the number of draws for a number of readings."""
     return int(np.clip(MOST_PREDICTED // max(readings, 1), FEWEST_DRAWS, MOST_DRAWS))
 
 
 def log_density(squares: Array, x: Array, scale: float) -> Array:
-    """(D,) log of likelihood times prior at x (D, k) with weighted squared residuals (D,), up to a constant."""
+    """Return (D,) log of likelihood times prior at x (D, k) with weighted squared residuals (D,), up to a constant."""
     return np.asarray(-0.5 * (squares / scale + np.sum(x**2, axis=-1)))
 
 
@@ -200,17 +201,17 @@ def _shares(
         of_output = np.nan_to_num(predicted[:, readings.output == k])
         centred = of_output - of_output.mean(axis=0)
         if centred.size and np.sqrt(np.mean(centred**2)) > 1e-9 * max(float(np.abs(of_output).max()), 1e-300):
-            found[name] = _of_output(posterior, x, centred)
+            found[name] = _output_shares(posterior, x, centred)
     return found
 
 
-def _of_output(posterior: Posterior, x: Array, centred: Array) -> dict[str, Share]:
+def _output_shares(posterior: Posterior, x: Array, centred: Array) -> dict[str, Share]:
     names = posterior.names
     if len(names) == 1:
         return {names[0]: Share(1.0, 1.0)}
     left, size, _ = np.linalg.svd(centred, full_matrices=False)
     count = int(np.searchsorted(np.cumsum(size**2), HELD * float(size @ size))) + 1
-    emulator = _Emulator.of(posterior, x, left[:, :count] * size[:count])
+    emulator = _Emulator.fit(posterior, x, left[:, :count] * size[:count])
     first, total = np.zeros(len(names)), np.zeros(len(names))
     for begin in range(len(names)):
         order = np.roll(np.arange(len(names), dtype=np.intp), -begin)
@@ -221,27 +222,27 @@ def _of_output(posterior: Posterior, x: Array, centred: Array) -> dict[str, Shar
 
 @dataclass(frozen=True, eq=False)
 class _Emulator:
-    """Principal components (c,) of readings as polynomials of x; of first degree where draws are few."""
+    """Principal components (c,) of readings as polynomials of x; of first degree for few draws."""
 
     posterior: Posterior
     coefficients: Array
 
     @staticmethod
-    def of(posterior: Posterior, x: Array, components: Array) -> _Emulator:
+    def fit(posterior: Posterior, x: Array, components: Array) -> _Emulator:
         terms = _terms(posterior, x, 2)
         if 2 * terms.shape[1] > len(x):
             terms = _terms(posterior, x, 1)
         return _Emulator(posterior, np.asarray(np.linalg.lstsq(terms, components, rcond=None)[0], float))
 
     def __call__(self, x: Array) -> Array:
-        """(n, c) at x (n, k)."""
+        """Return (n, c) components at x (n, k)."""
         k = x.shape[1]
         degree = 1 if len(self.coefficients) == 1 + k else 2
         return np.asarray(_terms(self.posterior, x, degree) @ self.coefficients)
 
 
 def _terms(posterior: Posterior, x: Array, degree: int) -> Array:
-    """(n, terms) of a polynomial in x, scaled by its standard deviations."""
+    """Return (n, terms) of a polynomial in x, scaled by its standard deviations."""
     z = (x - posterior.x) / np.sqrt(np.diag(posterior.covariance))
     terms = [np.ones(len(z)), *z.T]
     if degree == 2:
@@ -251,7 +252,7 @@ def _terms(posterior: Posterior, x: Array, degree: int) -> Array:
 
 
 def _indices(posterior: Posterior, emulator: _Emulator, order: NDArray[np.intp]) -> tuple[Array, Array]:
-    """(k,) first-order and total indices of independent numbers that draw the parameters in this order."""
+    """Return (k,) first-order and total indices of independent numbers that draw the parameters in this order."""
     root = np.linalg.cholesky(posterior.covariance[np.ix_(order, order)])
     low, high = posterior.candidate.limits()
 

@@ -1,6 +1,6 @@
-"""Put effects into a study's model: fit them, say how sure, and by how much the error falls.
+"""Extension of a study's model by effects: fits, uncertainties, and the reduction of the error.
 
-A study with the effects of an extension, as a file: values with their units, uncertainty beside them.
+The extended study is written to a file: values with their units and uncertainties.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.exploration import Exploration, explore, leaning
 from pliant.diagnosis.fitting import Fitter
-from pliant.diagnosis.kept_posterior import block_of
-from pliant.diagnosis.law_posterior import prior_of
+from pliant.diagnosis.kept_posterior import posterior_block
+from pliant.diagnosis.law_posterior import law_error_prior
 from pliant.diagnosis.learned_forms import KIND
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import depends_on
-from pliant.diagnosis.left_out import blocks_of, condition_of_runs, heldout_residual
+from pliant.diagnosis.left_out import assign_blocks, condition_indices, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.posterior import Posterior, posterior_of
+from pliant.diagnosis.posterior import Posterior, laplace_posterior
 from pliant.diagnosis.readings import ReadingVector, Score, readings_over_floor, score
-from pliant.diagnosis.scatter import ReadingScatter, scatter_of
+from pliant.diagnosis.scatter import ReadingScatter, reading_scatter
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
-from pliant.evidence.places import Residuals, residuals_of
+from pliant.evidence.places import Residuals, run_residuals
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -47,26 +47,26 @@ DIGITS, MOST_DIGITS = 2, 8
 
 @dataclass(frozen=True, eq=False)
 class Extension:
-    """Effects fitted on top of a study's own.
+    """Effects fitted in addition to a study's own.
 
     Attributes:
         kinds: the effects that were fitted.
         effects: all effects of the extended model in their order.
-        values: fitted values by ``kind.parameter``, rounded to their uncertainty as `effects` has them.
-        candidate, fit, uncertainty: what was fitted, and how sure; the fit's own values are not rounded.
-        noise: as the residuals of the extended model show it; its floors are those of all scores.
-        before: the error of the model as it was, all readings.
+        values: fitted values by ``kind.parameter``, rounded to their uncertainty as in `effects`.
+        candidate, fit, uncertainty: what was fitted, and its uncertainty; the fit's own values are not rounded.
+        noise: estimated from the residuals of the extended model; its floors are those of all scores.
+        before: the error of the original model, all readings.
         after: the same with the effects.
         residuals: (t,) per run by output, of the fitted model. The law's own error was part of the fit, so that
-            values and intervals hold where the law is off; it is no part of the model, nor of the errors here.
-        left_out: the same with the readings of each condition left out of the fit that predicts them; where a
-            parameter would then not be known at all those of the model as it was, or of several kinds those of the
-            best smaller extension, left out likewise. None with one condition only.
-        left_out_runs: the same run by run; repeats of the run that is left out are then fitted. Of a single run,
-            blocks are left out (`blocks_of`).
+            values and intervals are valid with a wrong law; it is not part of the model, nor of the errors here.
+        left_out: the same with the readings of each condition held out of the fit that predicts them. If a
+            parameter were then unknown, those of the original model; for several kinds, those of the best smaller
+            extension, held out likewise. None with one condition only.
+        left_out_runs: the same run by run; repeats of the held-out run are then fitted. Of a single run,
+            blocks are held out (`assign_blocks`).
         posterior: of the fitted parameters, about `values`.
         scatter: of single readings about the model, by output.
-        exploration: what draws of the posterior read; None for a fit without profile intervals.
+        exploration: of the posterior by draws; None for a fit without profile intervals.
     """
 
     kinds: tuple[str, ...]
@@ -87,46 +87,46 @@ class Extension:
 
     @property
     def heldout(self) -> Score | None:
-        """The error on conditions left out."""
+        """Return the error on held-out conditions, or None."""
         return None if self.left_out is None else score(self.left_out, self.noise.floors)
 
     @property
     def normal(self) -> bool | None:
-        """Whether the posterior is close to a normal distribution; None where it was not looked at."""
+        """Return whether the posterior is close to a normal distribution; None if it was not explored."""
         if self.exploration is None:
             return None
         return self.exploration.good and leaning(self.posterior, self.uncertainty) is None
 
     @property
     def absent(self) -> tuple[str, ...]:
-        """Effects that these readings do not show: no strength is told from zero."""
+        """Return effects that these readings do not show: no strength differs significantly from zero."""
         return tuple(kind for kind in self.kinds if self.uncertainty.absent(kind))
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What effects are fitted on: the bare chain in its engine, driven by the measured histories."""
+    """The basis on which effects are fitted: the bare chain in its engine, driven by the measured histories."""
 
     predictor: Predictor
     measurement: Measurement
     groups: tuple[RepeatGroup, ...]
 
     @staticmethod
-    def of(bench: Workbench, study: Study, measurement: Measurement) -> Ground:
-        """The study without its effects.
+    def from_study(bench: RunContext, study: Study, measurement: Measurement) -> Ground:
+        """Return the study without its effects.
 
         Raises:
-            UserError: an engine that cannot follow histories, or no output that the model has.
+            UserError: an engine that cannot simulate histories, or no output that the model has.
         """
         bare = study.model_copy(update={"effects": ()})
-        return Ground(Predictor.of_study(bench, bare, measurement), measurement, repeat_groups(measurement))
+        return Ground(Predictor.from_study(bench, bare, measurement), measurement, repeat_groups(measurement))
 
     def residuals(self, effects: Sequence[EffectConfig], measured: Measurement | None = None) -> Residuals:
-        """Per run by output of the model; of other readings of the same runs where they are given."""
-        return residuals_of(measured or self.measurement, self.predictor.predict(effects))
+        """Return residuals per run by output; of other readings of the same runs if they are given."""
+        return run_residuals(measured or self.measurement, self.predictor.predict(effects))
 
     def readings(self, effects: Sequence[EffectConfig]) -> ReadingVector:
-        """The readings in units of the floor that the model with these effects leaves.
+        """Return the readings in units of the floor, estimated from the residuals of the model with these effects.
 
         Raises:
             UserError: no reading that the model has.
@@ -143,19 +143,19 @@ def extend(
     profiles: bool = True,
     smaller: Sequence[Extension] = (),
 ) -> Extension:
-    """Fit effects of these kinds: in place those that are among `effects`, behind them the others.
+    """Fit effects of these kinds: existing ones among `effects` in place, others appended.
 
     Args:
         ground: the bare model and the measurement.
-        effects: what the model has already; those that are not fitted keep their values.
+        effects: the model's present effects; those that are not fitted keep their values.
         kinds: what to fit, jointly.
-        forms: those of them whose forms vary too.
+        forms: those of them whose forms also vary.
         profiles: profile intervals, and draws of the posterior; without them ± 1.645 standard deviations.
-        smaller: of several kinds, extensions by some of them, which this one shall not be worse than; those by each
+        smaller: of several kinds, extensions by some of them, which this one must not be worse than; those by each
             new kind alone by default.
 
     Raises:
-        UserError: an unknown kind, or one that makes no sense for this chain.
+        UserError: an unknown kind, or one that is not applicable to this chain.
     """
     registry = ground.predictor.bench.registry
     candidate = StudyCandidate.among(registry, effects, candidate_kinds(registry, kinds), forms)
@@ -163,25 +163,25 @@ def extend(
     fitter = Fitter(ground.predictor, readings)
     present = StudyCandidate.among(registry, effects, ())
     parts = fitter.steps(effects)
-    as_it_is = fitter.look(present, np.zeros(0), parts)
+    as_it_is = fitter.evaluate(present, np.zeros(0), parts)
     plain = as_it_is.raw
     before = readings.unpack(plain)
-    prior = prior_of(ground.predictor.law_error)
+    prior = law_error_prior(ground.predictor.law_error)
     seen = noise_view(ground.measurement, before, readings.scales, ground.groups)
     fitter = fitter.with_law_error(as_it_is, prior, seen.n_effective)
     fit = fitter.fit(candidate, _starts(candidate, effects), parts)
     if len(kinds) > 1:
         smaller = smaller or _alone(ground, candidate, effects)
         had = _had(candidate, effects)
-        fit = fitter.no_worse(fit, [had, *({**had, **one.fit.named} for one in smaller)])
-    without = _StandIn.of(readings, fitter, plain, smaller)
+        fit = fitter.refit_from(fit, [had, *({**had, **one.fit.named} for one in smaller)])
+    without = _StandIn.from_extensions(readings, fitter, plain, smaller)
     after = readings.unpack(fit.raw)
     noise = noise_view(ground.measurement, readings.unpack(fit.residual), readings.scales, ground.groups)
     fit = fit.with_law(prior, noise.n_effective)
-    condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
+    condition = condition_indices(readings.n_runs, [group.runs for group in ground.groups])
     found = uncertainty(fitter, fit, noise.n_effective, profiles)
     values = _rounded(fitter, fit, candidate, found)
-    posterior = posterior_of(fit, fitter.weights, noise.n_effective)
+    posterior = laplace_posterior(fit, fitter.weights, noise.n_effective)
     scale = square_per_reading(fitter.weights, fit, noise.n_effective)
     return Extension(
         kinds=candidate.kinds,
@@ -196,15 +196,15 @@ def extend(
         residuals=after,
         left_out=_left_out(readings, fit, without.conditions, condition),
         left_out_runs=_left_out(readings, fit, without.runs, np.arange(readings.n_runs))
-        or readings.unpack(heldout_residual(fit, blocks_of(readings), without.runs, exact_law=True)),
+        or readings.unpack(heldout_residual(fit, assign_blocks(readings), without.runs, exact_law=True)),
         posterior=posterior.about(values),
-        scatter=scatter_of(noise, after, len(fit.x)),
+        scatter=reading_scatter(noise, after, len(fit.x)),
         exploration=explore(fitter, posterior, scale, fit.parts, law=fit.law) if profiles else None,
     )
 
 
 def _had(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> dict[str, float]:
-    """x by name of the values that effects of the study have now."""
+    """Return x by name of the present values of the study's effects."""
     had = {effect.kind for effect in effects}
     return {
         parameter.name: float(x)
@@ -214,13 +214,13 @@ def _had(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> dict[str
 
 
 def _starts(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> list[Array]:
-    """The usual starts, and the values that effects of the study have now."""
+    """Return the usual starts, and the present values of the study's effects."""
     known = _had(candidate, effects)
     return [*candidate.starts(known), *(candidate.starts() if known else [])]
 
 
 def _alone(ground: Ground, candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> list[Extension]:
-    """By each kind that the effects do not have yet, where there are several."""
+    """Return extensions by each new kind alone, if there are several."""
     had = {effect.kind for effect in effects}
     new = [kind for kind in candidate.kinds if kind not in had]
     forms = set(candidate.forms)
@@ -231,16 +231,18 @@ def _alone(ground: Ground, candidate: StudyCandidate, effects: Sequence[EffectCo
 
 @dataclass(frozen=True, eq=False)
 class _StandIn:
-    """(N,) residuals that stand where a parameter is not known without the readings: conditions, runs left out."""
+    """(N,) residuals that replace those of readings without which a parameter is unknown: conditions, runs held out."""
 
     conditions: Array
     runs: Array
 
     @staticmethod
-    def of(readings: ReadingVector, fitter: Fitter, plain: Array, smaller: Sequence[Extension]) -> _StandIn:
-        """Of the model as it was (`plain`), or of the smaller extension that fits best if that fits better.
+    def from_extensions(
+        readings: ReadingVector, fitter: Fitter, plain: Array, smaller: Sequence[Extension]
+    ) -> _StandIn:
+        """Return those of the original model (`plain`), or of the best-fitting smaller extension if it fits better.
 
-        What one effect is cannot be known without some runs; what the others beside it are can be.
+        Some runs may be needed to identify one effect, while the other effects are identified without them.
         """
         best = min(smaller, key=lambda one: one.fit.mean_square(fitter.weights), default=None)
         if best is None or not best.fit.mean_square(fitter.weights) < float(np.mean(plain**2)):
@@ -252,7 +254,7 @@ class _StandIn:
 def _left_out(
     readings: ReadingVector, fit: EffectFit, plain: Array, number: NDArray[np.intp]
 ) -> Residuals | None:
-    """Residuals with the runs of one number (runs,) left out after another; None where all have the same."""
+    """Return residuals with the runs of one number (runs,) held out after another; None if all share one."""
     groups = number[readings.run]
     if len(np.unique(groups)) < 2:
         return None
@@ -262,7 +264,7 @@ def _left_out(
 def _rounded(
     fitter: Fitter, fit: EffectFit, candidate: StudyCandidate, found: Uncertainty
 ) -> dict[str, float]:
-    """Values at the decimals of their uncertainty, with more digits where the fit would feel the rounding."""
+    """Return values at the decimals of their uncertainty, with more digits if rounding affects the fit."""
     wanted = fit.mean_square(fitter.weights)
     values: dict[str, float] = {}
     for digits in range(DIGITS, MOST_DIGITS + 1):
@@ -271,7 +273,7 @@ def _rounded(
             for one in found.estimates
         }
         effects = candidate.with_values(values)
-        at = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts, fit.law)
+        at = fitter.evaluate(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts, fit.law)
         there = at.mean_square(fitter.weights)
         if abs(there - wanted) <= ROUNDING * wanted:
             break
@@ -292,19 +294,19 @@ def write_extended_study(
     data: Sequence[Path] | None = None,
     full: bool = False,
 ) -> None:
-    """Write the study with the effects of an extension, under a name of its own.
+    """Write the study with the effects of an extension, under a new name.
 
     Args:
         source: the study's file.
         target: the new file.
-        study: as it was read from `source` with `overrides`.
+        study: as read from `source` with `overrides`.
         found: the fitted effects; None where none was added.
-        note: where they come from, one line.
-        registry: as it was before the study's own plugin files were read.
+        note: their origin, one line.
+        registry: before the study's own plugin files were read.
         notes_by_kind: more words behind the note, by kind of effect.
-        learned: a learned term behind them.
-        data: the files that were fitted where they are not the study's; they become the new study's.
-        full: whether the file shall stand alone.
+        learned: a learned term, appended.
+        data: the fitted files if they are not the study's; they become the new study's.
+        full: whether the file must be self-contained.
 
     Raises:
         UserError: the file cannot be written, or what was written does not read back as the same study.
@@ -322,10 +324,8 @@ def write_extended_study(
         meant["measurements"] = {**block.canonical(), "file": named}
     if found is not None:
         _set_fitted(draft, found, note, notes_by_kind or {})
-    if (
-        found is not None and learned is None
-    ):  # the scatter that it holds is of the model without a learned term
-        kept = block_of(found.posterior, found.scatter).canonical()
+    if found is not None and learned is None:  # its scatter is of the model without a learned term
+        kept = posterior_block(found.posterior, found.scatter).canonical()
         draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
         meant["posterior"] = kept
     if learned is not None:
@@ -338,7 +338,7 @@ def write_extended_study(
 
 
 def _set_fitted(draft: StudyDraft, found: Extension, note: str, notes_by_kind: Mapping[str, str]) -> None:
-    """The fitted effects with their uncertainty."""
+    """Set the fitted effects with their uncertainty."""
     for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         at = ("effects", slot)
         draft.set((*at, "kind"), kind, note + notes_by_kind.get(kind, ""))
@@ -349,7 +349,7 @@ def _set_fitted(draft: StudyDraft, found: Extension, note: str, notes_by_kind: M
 
 
 def _written(config: EffectConfig, estimate: Estimate, value: float) -> tuple[str, str | float]:
-    """Key and value as a study has them: with its unit where the config reads one, else the bare SI number."""
+    """Return key and value as written in a study: with its unit if the config reads one, else the bare SI number."""
     field = estimate.parameter.name
     key = written_name(type(config), field)
     text = f"{repr(float(value)).removesuffix('.0')} {estimate.unit}"

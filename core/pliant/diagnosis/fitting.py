@@ -1,4 +1,4 @@
-"""Fit a candidate to measured readings with the physics in the loop.
+"""Fits of a candidate to measured readings with the physics in the loop.
 
 Levenberg–Marquardt (`pliant.least_squares`) in the fit parameters' x, with the engine's own derivatives.
 """
@@ -30,11 +30,13 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.least_squares import Point, Steps, descend
 from pliant.pipeline.remote import code_of, other_version, registry_with
 from pliant.records.design import Array
-from pliant.registry.files import FILE_MODULE, files_of
+from pliant.registry.files import FILE_MODULE, effect_files
 
 STEP = 1e-4
 MOST_ITERATIONS = 20
 TRIAL_ITERATIONS = 4
+# For starts that are near the optimum: best in coarser steps, or with another error of the law.
+NEAR_ITERATIONS = 6
 STEPS = Steps(
     most=MOST_ITERATIONS,
     tries=6,
@@ -44,27 +46,27 @@ STEPS = Steps(
     least_gain=1e-5,
     least_promise=1e-6,
 )
-# Numbers that points which have been looked at may hold together.
+# Maximum number of floats in the cached points.
 MOST_KEPT = 8_000_000
-# A fit is refined so often at most.
+# Maximum number of refinements of a fit.
 MOST_REFINED = 2
-# An error of the integration is none below this share of the noise floor.
+# An error of the integration below this share of the noise floor is negligible.
 NEGLIGIBLE = 0.1
-# Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
+# Starts without an equilibrium are moved toward neutral strengths and typical shapes by this factor.
 NEAR_NOTHING = 0.05
-# Noise floors by which a reading may change with a parameter; more is a joint that is about to fold.
+# Maximum change of a reading with a parameter, in noise floors; more is a joint that is about to fold.
 STEEPEST = 1e9
 # Share of the readings at which a trial may lose its equilibrium and still be compared.
 MOST_LOST = 0.02
 
 
-def reason_of(error: UserError) -> str:
-    """Why an effect is left out, without its plugin's advice on a study."""
+def exclusion_reason(error: UserError) -> str:
+    """Return why an effect is left out, without its plugin's advice on a study."""
     return error.reason if isinstance(error, ImpossibleEffectError) else str(error)
 
 
 class Fitter:
-    """Fits candidates to one measurement; `weights` (N,) leave readings out of the cost but not of the run."""
+    """A fitter of candidates to one measurement; `weights` (N,) exclude readings from the cost but not from the run."""
 
     def __init__(
         self,
@@ -77,19 +79,19 @@ class Fitter:
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _LinearPoint] = {}
         self._lock = Lock()  # fits may run in threads
-        self.code: tuple[tuple[str, ...], str] = (), ""  # modules and their fingerprint, where it is compared
+        self.code: tuple[tuple[str, ...], str] = (), ""  # modules and their fingerprint, if it is compared
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it travels to a worker: without its points, and after the files with effects of the user's own."""
-        files = files_of(self.predictor.bench.registry)
+        """Return the state for a worker: without cached points, and with the files of the user's own effects."""
+        files = effect_files(self.predictor.bench.registry)
         model = pickle.dumps((self.predictor, self.readings, self.weights, self.law))
         return _arrived, (files, self.code, model)
 
     def with_law_error(self, nothing: EffectFit, prior: LawErrorPrior, n_effective: float) -> Fitter:
-        """Return a fitter with the law's error in every hypothesis; itself where these runs cannot show one.
+        """Return a fitter with the law's error in every hypothesis; itself if these runs cannot show one.
 
         Args:
-            nothing: the model as it is.
+            nothing: the unchanged model.
             prior: of the error's size.
             n_effective: independent readings.
         """
@@ -109,7 +111,7 @@ class Fitter:
         return law_columns(self.predictor.refined(parts), self.readings, candidate.configs(x), basis)
 
     def checked(self) -> None:
-        """Workers that it travels to from now on compare their code with ours."""
+        """Make workers that receive the fitter from now on compare their code with ours."""
         registry, backend = self.predictor.bench.registry, self.predictor.backend
         effects = (one.implementation for one in registry.components if one.interface == "effect")
         modules = {__name__, type(backend).__module__, *(place.partition(":")[0] for place in effects)}
@@ -117,27 +119,27 @@ class Fitter:
         self.code = shipped, code_of(shipped)
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool]) -> EffectFit:
-        """`fit` with these arguments as one item of a `JobQueue`; raises `UserError` where the code is another."""
+        """Call `fit` with these arguments as one item of a `JobQueue`; raise `UserError` if the code differs."""
         self._check_code()
         return self.fit(*asked)
 
     def look_from(self, asked: tuple[EffectSet, Array, int]) -> EffectFit:
-        """`look` with these arguments, in the same way."""
+        """Call `look` with these arguments, in the same way."""
         self._check_code()
-        return self.look(*asked)
+        return self.evaluate(*asked)
 
     def promise_from(self, asked: tuple[EffectSet, Array, int]) -> float:
-        """`promise` with these arguments, in the same way."""
+        """Call `promise` with these arguments, in the same way."""
         self._check_code()
         return self.promise(*asked)
 
-    def refusal_from(self, asked: tuple[EffectSet, Array]) -> str:
-        """Why this chain cannot have a candidate, in the plugin's words, in the same way; empty where it can."""
+    def check_applicable(self, asked: tuple[EffectSet, Array]) -> str:
+        """Return why a candidate is not applicable to this chain, in the plugin's words; empty if it is."""
         self._check_code()
         try:
-            self.look(*asked)
+            self.evaluate(*asked)
         except UserError as error:
-            return reason_of(error)
+            return exclusion_reason(error)
         return ""
 
     def _check_code(self) -> None:
@@ -153,28 +155,41 @@ class Fitter:
         refine: bool = True,
         law: LawError | None = None,
     ) -> EffectFit:
-        """The best of fits from several starts; short trials decide which one is finished.
+        """Return the best of fits from several starts; short trials decide which one is finished.
 
-        Where the model finds no equilibrium at any start the fit holds NaN, and its mean square is infinite.
+        If the model has no equilibrium at any start the fit contains NaN, and its mean square is infinite.
 
         Args:
             candidate: what is fitted.
             starts: points (k,); the candidate's own by default.
             parts: steps of the integration from sample to sample.
-            refine: go on in finer steps from there, where they change what is predicted.
-            law: sensitivities and size of the law's error that hold for the fit; its own by default.
+            refine: continue in finer steps from there, if they change the prediction.
+            law: sensitivities and size of the law's error for the fit; its own by default.
         """
         found = self._fit(candidate, starts or candidate.starts(), parts, law)
-        for _ in range(MOST_REFINED if refine and np.isfinite(found.mean_square()) else 0):
-            effects = candidate.configs(found.x)
-            finer = self.steps(effects, found.parts)
-            if finer == found.parts:
-                break
-            found = self._fit(candidate, [found.x], finer, law)
+        found = self._in_finer_steps(found, law) if refine else found
         return found if law is not None else self._with_own_law_error(found)
 
+    def refined(self, fit: EffectFit) -> EffectFit:
+        """Return a fit continued in finer steps if they change the prediction; otherwise the same fit."""
+        found = self._in_finer_steps(fit, None)
+        return fit if found is fit else self._with_own_law_error(found)
+
+    def refined_from(self, fit: EffectFit) -> EffectFit:
+        """Call `refined` as one item of a `JobQueue`, as `fit_from`."""
+        self._check_code()
+        return self.refined(fit)
+
+    def _in_finer_steps(self, fit: EffectFit, law: LawError | None) -> EffectFit:
+        for _ in range(MOST_REFINED if np.isfinite(fit.mean_square()) else 0):
+            finer = self.steps(fit.candidate.configs(fit.x), fit.parts)
+            if finer == fit.parts:
+                break
+            fit = self._fit(fit.candidate, [fit.x], finer, law, NEAR_ITERATIONS)
+        return fit
+
     def _with_own_law_error(self, fit: EffectFit) -> EffectFit:
-        """Return the fit beside a law's error with the sensitivities and the size that it has there."""
+        """Return the fit with the sensitivities and the size of the law's error at its own point."""
         if self.law is None or fit.law is None:
             return fit
         own = self._law_columns(fit.candidate, fit.x, fit.parts, self.law.basis)
@@ -183,17 +198,17 @@ class Fitter:
         plain = replace(fit, residual=fit.raw, law=None)
         first = add_law_error(plain, own, self.law.prior, self.law.n_effective)
         if len(fit.candidate):
-            again = self._fit(fit.candidate, [fit.x], fit.parts, first.law)
+            again = self._fit(fit.candidate, [fit.x], fit.parts, first.law, NEAR_ITERATIONS)
             plain = replace(again, residual=again.raw, law=None)
         if not np.isfinite(plain.residual).all():
             return fit
         return add_law_error(plain, own, self.law.prior, self.law.n_effective)
 
-    def no_worse(self, fit: EffectFit, near: Sequence[Mapping[str, float]]) -> EffectFit:
-        """The fit, or the one that begins at the best of some smaller fits where that leaves less.
+    def refit_from(self, fit: EffectFit, near: Sequence[Mapping[str, float]]) -> EffectFit:
+        """Return the fit, or one that begins at the best of some smaller fits if it has a lower cost.
 
-        A smaller model is the larger one with the other effects at their neutral strength, x = 0: from there no descent
-        ends above it, while starts in the middle of the plausible range may end in a worse valley.
+        A smaller model is the larger one with the other effects at their neutral strength, x = 0: no descent from there
+        ends above it, while starts in the middle of the plausible range may end in a worse minimum.
 
         Args:
             fit: from the usual starts.
@@ -201,7 +216,7 @@ class Fitter:
         """
         names = [parameter.name for parameter in fit.candidate.parameters]
         points = [np.array([known.get(name, 0.0) for name in names]) for known in near if known]
-        looked = [self.look(fit.candidate, x, fit.parts) for x in points]
+        looked = [self.evaluate(fit.candidate, x, fit.parts) for x in points]
         best = min(looked, key=lambda one: one.cost(self.weights), default=fit)
         if not best.cost(self.weights) < fit.cost(self.weights):
             return fit
@@ -209,30 +224,37 @@ class Fitter:
         return again if again.cost(self.weights) < fit.cost(self.weights) else fit
 
     def steps(self, effects: Sequence[EffectConfig], least: int = 1) -> int:
-        """Steps from sample to sample whose error is small beside the noise."""
+        """Return the steps from sample to sample whose error is small compared with the noise."""
         close = {name: NEGLIGIBLE * scale for name, scale in self.readings.scales.items()}
         return self.predictor.steps_between_samples(effects, least, close)
 
     def _fit(
-        self, candidate: EffectSet, tried: Sequence[Array], parts: int, law: LawError | None = None
+        self,
+        candidate: EffectSet,
+        tried: Sequence[Array],
+        parts: int,
+        law: LawError | None = None,
+        iterations: int | None = None,
     ) -> EffectFit:
         if not len(candidate):
-            return self.look(candidate, np.zeros(0), parts, law)
+            return self.evaluate(candidate, np.zeros(0), parts, law)
         misfit = self._misfit(candidate, parts, law)
         points = [self._start(misfit, x) for x in tried]
-        if not any(np.isfinite(point.cost) for point in points):  # so far out none: begin near nothing
+        if not any(np.isfinite(point.cost) for point in points):  # none that far out: begin near neutral
             points = [self._start(misfit, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
             points = [self._descend(misfit, point, TRIAL_ITERATIONS)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
-        point, converged = self._descend(misfit, best, MOST_ITERATIONS)
+        point, converged = self._descend(misfit, best, MOST_ITERATIONS if iterations is None else iterations)
         low, high = candidate.limits()
         margin = 1e-6 * (1.0 + np.abs(point.x))
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
         return self._at(misfit, point, converged, at_limit, law)
 
-    def look(self, candidate: EffectSet, x: Array, parts: int = 1, law: LawError | None = None) -> EffectFit:
-        """The candidate at x, not fitted; `law` as for `fit`."""
+    def evaluate(
+        self, candidate: EffectSet, x: Array, parts: int = 1, law: LawError | None = None
+    ) -> EffectFit:
+        """Return the candidate at x without fitting; `law` as for `fit`."""
         misfit = self._misfit(candidate, parts, law)
         return self._at(misfit, self._start(misfit, x), True, (False,) * len(x), law)
 
@@ -254,16 +276,18 @@ class Fitter:
         return float(left @ left)
 
     def whitened(self, values: Array) -> Array:
-        """Return (N,) or (N, k) of readings without what the law's own error of the usual size may do."""
+        """Return (N,) or (N, k) of readings with the possible changes by a law error of the usual size removed."""
         if self.law is None:
             return values
-        return Whitener.of(self.law.columns, self.law.precision).apply(values)
+        return self.law.whitener.apply(values)
 
     def _misfit(self, candidate: EffectSet, parts: int, law: LawError | None) -> _ReadingMisfit:
         if law is not None:
-            return _ReadingMisfit(self, candidate, parts, Whitener.of(law.columns, law.precision))
+            return _ReadingMisfit(
+                self, candidate, parts, Whitener.from_sensitivities(law.columns, law.precision)
+            )
         if self.law is not None:
-            return _ReadingMisfit(self, candidate, parts, Whitener.of(self.law.columns, self.law.precision))
+            return _ReadingMisfit(self, candidate, parts, self.law.whitener)
         return _ReadingMisfit(self, candidate, parts)
 
     def _at(
@@ -274,7 +298,7 @@ class Fitter:
         at_limit: tuple[bool, ...],
         law: LawError | None,
     ) -> EffectFit:
-        """Return the fit at a point, with the law's error beside it: that of a size that is given, or estimated."""
+        """Return the fit at a point, with the law's error of the given size, or estimated."""
         white, residual, slopes = misfit.whitener, point.residual, point.slopes
         if white is not None and np.isfinite(point.cost):
             residual, slopes = white.undo(residual), white.undo(slopes)
@@ -289,7 +313,7 @@ class Fitter:
         return add_law_error(fit, self.law.columns, self.law.prior, self.law.n_effective)
 
     def _start(self, misfit: _ReadingMisfit, x: Array) -> _LinearPoint:
-        """The point, remembered: what is looked at is often where a fit begins."""
+        """Return the point, cached: an evaluated point is often the start of a fit."""
         candidate = misfit.candidate
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
@@ -324,16 +348,16 @@ def _arrived(files: tuple[str, ...], code: tuple[tuple[str, ...], str], model: b
 
 
 class _LinearPoint(Point):
-    """A point whose slopes are known."""
+    """A point with known slopes."""
 
     slopes: Array
 
 
 @dataclass(frozen=True, eq=False)
 class _ReadingMisfit:
-    """Readings less the predictions of a candidate, with the engine's own derivatives.
+    """Readings minus the predictions of a candidate, with the engine's own derivatives.
 
-    With a `whitener`, what the law's own error may do to the readings is taken out of both.
+    With a `whitener`, the possible changes of the readings by the law's own error are removed from both.
     """
 
     fitter: Fitter
@@ -343,15 +367,15 @@ class _ReadingMisfit:
 
     @property
     def pulls(self) -> Array:
-        """(k,) weights of the prior: none on strengths."""
+        """Return (k,) weights of the prior: zero for strengths."""
         return np.array([0.0 if p.is_strength else p.pull for p in self.candidate.parameters])
 
     def point(self, x: Array) -> _LinearPoint:
-        """Residuals and slopes at x; an infinite cost where the model has no equilibrium."""
+        """Return residuals and slopes at x; an infinite cost where the model has no equilibrium."""
         return self.whitened(self.raw_point(x))
 
     def whitened(self, point: _LinearPoint) -> _LinearPoint:
-        """Return a point without what the law's own error may do."""
+        """Return a point with the possible changes by the law's own error removed."""
         if self.whitener is None or not np.isfinite(point.cost):
             return point
         residual, slopes = self.whitener.apply(point.residual), self.whitener.apply(point.slopes)
@@ -361,7 +385,7 @@ class _ReadingMisfit:
         return float(self.fitter.weights @ residual**2) + float(self.pulls @ x**2)
 
     def raw_point(self, x: Array) -> _LinearPoint:
-        """Residuals and slopes at x with the law as it is."""
+        """Return residuals and slopes at x with the unchanged law."""
         readings = self.fitter.readings
         low, high = self.candidate.limits()
         steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in np.flatnonzero(low < high)}
@@ -381,5 +405,5 @@ class _ReadingMisfit:
         return _LinearPoint(x, residual, self._cost(x, residual), slopes)
 
     def slopes(self, point: Point) -> Array | None:
-        """Those of the point, which has them."""
+        """Return the slopes of the point, which are known."""
         return point.slopes

@@ -1,14 +1,14 @@
-"""Compare → diagnose → extend, until the noise floor or an honest stop.
+"""Iterative improvement: compare → diagnose → extend, until the noise floor or a justified stop.
 
-Two questions are answered apart. Whether the model predicts better decides about a step: it is taken as long as runs,
-conditions or blocks that are left out of the fit are predicted better by more than the uncertainty of that, with one
-run and few readings too. Which cause it is, the verdict says: where it leaves that open the step says what it is for.
-`named_only` takes steps only where a verdict names an effect or a group of look-alikes.
+Prediction and cause are decided separately. Whether the model predicts better decides about a step: it is taken as long
+as runs, conditions or blocks that are left out of the fit are predicted better by more than the uncertainty of the
+gain, also with one run and few readings. The verdict decides which cause it is: if it is open, the step states what it
+is for. `named_only` takes steps only if a verdict names an effect or a group of look-alikes.
 
-Runs that are put aside at the start are never looked at by a choice: they are only reported. All decisions (verdicts,
-the order of effects, whether a step is kept, when to stop) rest on the training runs. The floor that errors are
-divided by at the end is that of all runs, as the final model's residuals show it: repeats that were put aside say how
-the bench scatters, too.
+Test runs, held out at the start, never influence a choice: they are only reported. All decisions (verdicts, the order
+of effects, whether a step is kept, when to stop) depend on the training runs. The floor that errors are divided by at
+the end is that of all runs, from the final model's residuals, because repeats among the test runs also inform about the
+scatter.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.learned_forms import KIND as LEARNED
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import depends_on, described
-from pliant.diagnosis.left_out import blocks_of, condition_of_runs
+from pliant.diagnosis.left_out import assign_blocks, condition_indices
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.readings import score
 from pliant.diagnosis.search import Tick
@@ -40,11 +40,12 @@ from pliant.diagnosis.steps import (
     named_step,
     predicting_step,
 )
-from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.diagnosis.test_split import TrainTestSplit, split_runs
 from pliant.diagnosis.unseen import SURE, block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
 from pliant.evidence.bookkeeping.mistake import Mistake
-from pliant.evidence.comparison import compare, interpret
+from pliant.evidence.comparison import compare
+from pliant.evidence.comparison_sentences import located
 from pliant.evidence.excess import Excess
 from pliant.evidence.places import Residuals
 from pliant.evidence.prediction import Predictor
@@ -54,20 +55,22 @@ from pliant.formatting import percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.repeats import repeat_groups
-from pliant.pipeline.workbench import Workbench
+from pliant.measurements.thinning import downsample
+from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
 
 MOST_STEPS = 6
-# A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
+# A set of effects is kept if it lowers the error on left-out training runs by this share.
 LEAST_GAIN = 0.01
-# What is said at the end: where the error that is left is small, where it is clearly above the noise, and where
-# nothing tells the noise.
+# Placeholder in the reason of a step for its fall of the error, which is filled in when all steps have one floor.
+FALL = "{fall}"
+# Closing sentences: if the remaining error is small, if it is clearly above the noise, and if the noise is unknown.
 RIGHT = "The model is right to {left} times the noise"
 CLOSINGS = {
     "nothing_missing": (
-        "What is left is noise, {left} times its floor: no listed effect lowers the error of the training runs any "
-        "further.",
+        "The error that is left is {left} times the noise, which noise alone may leave: no listed effect lowers the "
+        "error of the training runs any further.",
         "No listed effect lowers the error of the training runs any further, and yet it is {left} times the noise.",
         "No listed effect lowers the error of the training runs any further; nothing tells how much of what is left is "
         "noise.",
@@ -80,10 +83,10 @@ CLOSINGS = {
         "error.",
     ),
     "law_off": (
-        "What is left is noise, {left} times its floor. No listed effect lowers the error of the training runs any "
-        "further; the law itself is off{law}.",
-        "No listed effect lowers the error of the training runs any further; the law itself is off{law}, and the "
-        "error is {left} times the noise.",
+        "The error that is left is {left} times the noise, which noise alone may leave. No listed effect lowers the "
+        "error of the training runs any further; the law itself is off{law}.",
+        "No listed effect lowers the error of the training runs any further; the law itself is off{law}, and "
+        "{which} is {left} times the noise.",
         "No listed effect lowers the error of the training runs any further; the law itself is off{law}.",
     ),
     "ambiguous": (f"{RIGHT} ({{gain}}). {UNDECIDED}", UNDECIDED, UNDECIDED),
@@ -92,7 +95,10 @@ CLOSINGS = {
 
 @dataclass(frozen=True, eq=False)
 class _Draft:
-    """A step before the floor is known: residuals of all runs, and of training runs left out."""
+    """A step before the floor is known: residuals of all runs, and of left-out training runs.
+
+    `on`: the runs on which the step's fall of the error is reported, once all steps have one floor; empty for none.
+    """
 
     added: tuple[str, ...]
     effects: tuple[EffectConfig, ...]
@@ -102,10 +108,11 @@ class _Draft:
     stands_for: Kinds = ()
     cause: Cause = ""
     learned: LearnedTerm | None = None
+    on: str = ""
 
 
 def improve(
-    bench: Workbench,
+    bench: RunContext,
     study: Study,
     measurement: Measurement,
     *,
@@ -117,35 +124,36 @@ def improve(
     workers: Workers = 1,
     split: TrainTestSplit | None = None,
 ) -> Improvement:
-    """Walk the whole loop.
+    """Run the whole loop.
 
     Args:
-        bench, study, measurement: the model and what the bench recorded.
+        bench, study, measurement: the model and the recorded runs.
         kinds: candidates; all effects by default.
-        most_steps: effects at most.
+        most_steps: maximum number of effects.
         learned: whether a learned term may be the last step.
-        named_only: add nothing whose cause no verdict names.
+        named_only: add nothing whose cause is not named by a verdict.
         tick: called with the name of each hypothesis when it has been fitted.
-        workers: who fits hypotheses, as for `diagnose`.
-        split: which runs are put aside, where that was decided before; by `lock` otherwise.
+        workers: where hypotheses are fitted, as for `diagnose`.
+        split: the test runs, if they were chosen before; by `lock` otherwise.
 
     Raises:
-        UserError: no reading can be used, or an engine that cannot follow histories.
+        UserError: no reading can be used, or an engine that cannot simulate histories.
     """
     walk = _Walk(bench, study, measurement, kinds, tick, workers, split)
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()
-    if not walk.correct_law(named_only) and learned:
-        walk.learn()
+    corrected = walk.law_is_off and walk.correct_law(named_only)
+    if not corrected and not (learned and walk.learn()):
+        walk.correct_law(named_only)
     return walk.scored(stop, reason, final)
 
 
 class _Walk:
-    """The model so far."""
+    """The state of the loop: the model so far."""
 
     def __init__(
         self,
-        bench: Workbench,
+        bench: RunContext,
         study: Study,
         measurement: Measurement,
         kinds: Sequence[str] | None,
@@ -155,20 +163,23 @@ class _Walk:
     ) -> None:
         measurement, self.unknown = with_known_states(measurement)
         self.bench, self.study, self.measurement = bench, study, measurement
-        self.locked = lock(measurement) if split is None else split
+        self.locked = split_runs(measurement) if split is None else split
         self.kinds, self.tick, self.workers = kinds, tick, workers
-        self.ground = Ground.of(bench, study, self.locked.training)
+        training = self.locked.training
+        self.unthinned = Ground.from_study(bench, study, training)
+        short, _ = downsample(training, len(self.unthinned.predictor.chain.axes) > 1)
+        self.ground = self.unthinned if short is training else Ground.from_study(bench, study, short)
         self.effects = study.effects
         self.added: list[str] = []
         self.forms: set[str] = set()
         self.last: Diagnosis | None = None
-        self.mistakes: tuple[Mistake, ...] | None = None  # of the record, by the model as it came
+        self.mistakes: tuple[Mistake, ...] | None = None  # of the record, by the original model
         plain = self.ground.residuals(self.effects)
-        whole = self.ground.residuals(self.effects, measurement)
+        whole = self._residuals(self.effects)
         self.drafts = [_Draft((), self.effects, self._seen(), whole, plain)]
 
     def go(self, most_steps: int, named_only: bool) -> tuple[str, str]:
-        """Take steps; returns what stopped it, and the reason where it is not a verdict."""
+        """Take steps; return the verdict that stopped them, and the reason if it is not a verdict."""
         while True:
             found = self._diagnose()
             proposals = [named_step(found), None if named_only else predicting_step(found, self.added)]
@@ -181,7 +192,7 @@ class _Walk:
                 return refused
 
     def _refused(self, proposal: StepProposal, most_steps: int) -> tuple[str, str]:
-        """Take the steps of a proposal; what speaks against it and why, both empty where they were taken."""
+        """Take the steps of a proposal; return the objection and its reason, both empty if the steps were taken."""
         order, alike = proposal.order, {*proposal.order, *proposal.stands_for}
         again = [k for d in self.drafts for k in d.added if not {k, *d.stands_for}.isdisjoint(alike)]
         if proposal.cause != "open" and again:
@@ -200,71 +211,86 @@ class _Walk:
             )
         self.forms = forms
         for kind in order:
-            self._take(kind, proposal)
+            self._take(kind, proposal, whole if len(order) == 1 else None)
         return "", ""
 
     def final(self) -> Extension | None:
-        """The last fit once more, with profile intervals; the last step has its values."""
+        """Return the last fit repeated with profile intervals; the last step has its values."""
         if not self.added:
             return None
         found = extend(self.ground, self.effects, self.added, forms=self.forms)
         last = self.drafts.pop()
-        residuals = self.ground.residuals(found.effects, self.measurement)
+        residuals = self._residuals(found.effects)
         left = found.left_out_runs
         self.drafts.append(replace(last, effects=found.effects, residuals=residuals, left_out=left))
         self.effects = found.effects
         return found
 
+    @property
+    def law_is_off(self) -> bool:
+        """Return whether the last diagnosis shows an error of the law and prefers no effect."""
+        return self.last is not None and self.last.law_off is not None and self.last.explained == NOTHING
+
     def correct_law(self, named_only: bool) -> bool:
-        """Add the law's own error where the last diagnosis shows one and runs left out are predicted better with it."""
+        """Add a correction of the law if left-out training runs are predicted better with it.
+
+        The last diagnosis may also prefer an effect that did not predict better: the correction names no cause then.
+        """
         found = self.last
-        if found is None or found.law_off is None or found.explained != NOTHING:
+        if found is None or found.law_alone is None or (named_only and found.verdict != "law_off"):
             return False
-        if named_only and found.verdict != "law_off":
-            return False
-        off, term = found.law_off, found.law_off.term
+        off, term = found.law_alone, found.law_alone.term
         if not (term.sure > SURE and term.after < (1.0 - LEAST_GAIN) * term.before):
             return False
         effects = (*self.effects, term.effect)
-        residuals = self.ground.residuals(effects, self.measurement)
+        residuals = self._residuals(effects)
+        size = f"{off.words}, {percent(off.size)} of its torque range"
+        if self.law_is_off:
+            lead = f"The law itself is off {size}"
+        else:
+            lead = f"No effect is named for what is left; a law that is changed {size}, predicts better"
         why = (
-            f"The law itself is off {off.words}, {percent(off.size)} of its torque range: a smooth surface over "
-            "actuation and deformation corrects it where these runs went, and nowhere else. It takes the error on "
-            f"{term.on} from {term.before:.2f} to {term.after:.2f} times the noise."
+            f"{lead}: a smooth surface over actuation and deformation corrects it where these runs went, and nowhere "
+            f"else. It takes the error on {term.on} from {term.before:.2f} to {term.after:.2f} times the noise."
         )
         whole = [len(run) for run in found.measurement.runs] == [
-            len(run) for run in self.locked.training.runs
+            len(run) for run in self.ground.measurement.runs
         ]
         left = found.readings.unpack(term.left_out) if whole else self.ground.residuals(effects)
         self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, cause="law", learned=term))
         return True
 
-    def learn(self) -> None:
-        """What no listed effect explains as a learned term, where it predicts training runs left out better."""
+    def learn(self) -> bool:
+        """Add a learned term for what no listed effect explains, if left-out training runs are predicted better."""
         predictor = self._predictor()
         readings = self.ground.readings(self.effects)
         noise = noise_view(
-            self.locked.training, self.ground.residuals(self.effects), readings.scales, self.ground.groups
+            self.ground.measurement, self.ground.residuals(self.effects), readings.scales, self.ground.groups
         )
-        condition = condition_of_runs(readings.n_runs, [group.runs for group in self.ground.groups])
+        condition = condition_indices(readings.n_runs, [group.runs for group in self.ground.groups])
         alone = len(np.unique(readings.run)) == 1
-        folds = blocks_of(readings) if alone else readings.fold
+        folds = assign_blocks(readings) if alone else readings.fold
         found = learn(predictor, readings, noise, condition[readings.run], folds)
         if found is None:
-            return
+            return False
         effects = (*self.effects, found.effect)
-        residuals = self.ground.residuals(effects, self.measurement)
+        residuals = self._residuals(effects)
         fall = (
             f"It takes the error on {found.on} from {found.before:.2f} to {found.after:.2f} times the noise."
         )
         why = f"{described(found)[:1].upper() + described(found)[1:]} {fall}"
         left = readings.unpack(found.left_out)
         self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, cause="learned", learned=found))
+        return True
+
+    def _residuals(self, effects: Sequence[EffectConfig]) -> Residuals:
+        """Return the residuals of all runs, test runs too, by the model that is aligned to the training runs."""
+        return self.unthinned.residuals(effects, self.measurement)
 
     def _predictor(self) -> Predictor:
-        """The model as it is, driven by the training runs."""
+        """Return the present model, driven by the training runs."""
         study = self.study.model_copy(update={"effects": self.effects})
-        return Predictor.of_study(self.bench, study, self.locked.training)
+        return Predictor.from_study(self.bench, study, self.ground.measurement)
 
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
@@ -275,20 +301,23 @@ class _Walk:
         return self.last
 
     def _gains(self, whole: Extension) -> bool:
-        """Better on runs left out beyond the uncertainty of that, and no worse on conditions left out.
+        """Return whether left-out training runs improve beyond the uncertainty, and left-out conditions do not worsen.
 
-        Where one condition alone shows an effect it stays in their fit.
+        If only one condition shows an effect, it stays in their fit.
         """
         floors, usual = whole.noise.floors, self.ground.readings(self.effects).scales
         scales = {k: floors[k].value if floors[k].value > 0.0 else scale for k, scale in usual.items()}
-        before = block_squares(self.drafts[-1].left_out, scales)
-        gain = prediction_gain(before, block_squares(whole.left_out_runs, scales))
-        conditions = block_squares(whole.left_out or whole.residuals, scales).sum()
-        no_worse = conditions < (1.0 + LEAST_GAIN) ** 2 * before.sum()
+        conditions = whole.left_out or whole.residuals
+        before, after, unseen = block_squares(
+            (self.drafts[-1].left_out, whole.left_out_runs, conditions), scales
+        )
+        gain = prediction_gain(before, after)
+        no_worse = unseen.sum() < (1.0 + LEAST_GAIN) ** 2 * before.sum()
         return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
 
-    def _take(self, kind: str, proposal: StepProposal) -> None:
-        found = extend(
+    def _take(self, kind: str, proposal: StepProposal, extension: Extension | None) -> None:
+        """Put an effect into the model; `extension` is the one by it if it is known."""
+        found = extension or extend(
             self.ground,
             self.effects,
             [*self.added, kind],
@@ -297,42 +326,41 @@ class _Walk:
         )
         self.effects = found.effects
         self.added.append(kind)
-        before, after = (
-            score(left, found.noise.floors) for left in (self.drafts[-1].left_out, found.left_out_runs)
-        )
         alone = len(self.locked.training.runs) == 1
         on = "blocks of the run that are" if alone else "training runs that are"
-        fall = f"It takes the error of {on} left out of the fit {change_in_words(before, after)}."
-        residuals = self.ground.residuals(self.effects, self.measurement)
-        known = proposal.why(kind, self.bench.registry)
-        why = f"{known} {fall} {self._seen()}"
+        residuals = self._residuals(self.effects)
+        why = f"{proposal.why(kind, self.bench.registry)} {FALL} {self._seen()}"
         group = proposal.stands_for
         self.drafts.append(
-            _Draft((kind,), self.effects, why, residuals, found.left_out_runs, group, proposal.cause)
+            _Draft((kind,), self.effects, why, residuals, found.left_out_runs, group, proposal.cause, on=on)
         )
 
     def _seen(self) -> str:
-        """Where the model fails on the training runs now."""
-        return interpret(compare(self.locked.training, self.ground.predictor.predict(self.effects)))
+        """Return where the model fails on the training runs now."""
+        return located(compare(self.ground.measurement, self.ground.predictor.predict(self.effects)))
 
     def scored(self, stop: str, reason: str, final: Extension | None) -> Improvement:
-        """Errors of all steps over one floor."""
+        """Return errors of all steps over one floor."""
         last, locked = self.drafts[-1], self.locked
-        scales = self.ground.readings(last.effects).scales
+        scales = self.unthinned.readings(last.effects).scales
         noise = noise_view(self.measurement, last.residuals, scales, repeat_groups(self.measurement))
-        steps = []
+        steps: list[Step] = []
         for draft in self.drafts:
             training = score(draft.left_out, noise.floors)
             aside = score(draft.residuals, noise.floors, locked.runs) if locked.runs else training
             share = aside.n / max(score(draft.residuals, noise.floors).n, 1)
             read = {name: noise.floors[name] for name in aside.rmse}
-            se = Excess.of(aside.over_floor, read, noise.n_effective * share).se
+            se = Excess.from_ratio(aside.over_floor, read, noise.n_effective * share).se
             unseen = score(draft.residuals, noise.floors, locked.unseen) if locked.unseen else None
+            why = draft.why
+            if draft.on:
+                change = change_in_words(steps[-1].training, training)
+                why = why.replace(FALL, f"It takes the error of {draft.on} left out of the fit {change}.")
             steps.append(
                 Step(
                     draft.added,
                     draft.effects,
-                    draft.why,
+                    why,
                     aside,
                     se,
                     unseen,
@@ -382,13 +410,13 @@ class _Walk:
             next_run,
             None
             if final is None or last.learned
-            else bands(self.ground.predictor, final.posterior, final.scatter),
+            else bands(self.unthinned.predictor, final.posterior, final.scatter),
         )
 
     def _closing(self, stop: str, reason: str, last: Step, noise: NoiseView) -> str:
-        """The reason in sentences, by the error that is left: the larger one where training runs show more."""
+        """Return the reason in sentences, by the remaining error: the larger one if training runs show more."""
         left = Excess(last.locked.over_floor, last.locked_se)
-        training = Excess.of(last.training.over_floor, noise.floors, noise.n_effective)
+        training = Excess.from_ratio(last.training.over_floor, noise.floors, noise.n_effective)
         left = training if left.small and not training.small else left
         small = noise.judged and left.small
         found = self.last
@@ -396,8 +424,13 @@ class _Walk:
             return f"{RIGHT.format(left=left)}. {reason}" if small else reason
         if stop in CLOSINGS:
             words = CLOSINGS[stop][0 if small else 1 if np.isfinite(left.ratio) else 2]
+            corrected = self.drafts[-1].cause == "law"
             first = words.format(
-                left=left, gain=left.gain, contenders=found.judgement.contenders, law=found.judgement.law
+                left=left,
+                gain=left.gain,
+                contenders=found.judgement.contenders,
+                law=found.judgement.law,
+                which="without its correction the error" if corrected else "the error",
             )
         elif stop == "insufficient_data" and self.added:
             first = "Whether more is missing these data cannot tell."
@@ -406,29 +439,29 @@ class _Walk:
         if stop in ("nothing_missing", "law_off"):
             return first
         if self.drafts[-1].learned is not None:
-            found = replace(found, learned=None)  # it is in the model: nothing to offer
-        of_verdict = stop != "unknown_effect"  # said by the closing with the error that is left at the end
+            found = replace(found, learned=None)  # it is in the model already
+        of_verdict = stop != "unknown_effect"  # stated in the closing sentence with the final error
         return " ".join([first, *explanation(found, self.bench.registry, of_verdict)])
 
 
 def _still_wrong(last: Step, stop: str) -> list[str]:
-    """The training runs show nothing more, and yet the runs put aside do."""
+    """Return a sentence if the test runs still have an error although the training runs show no more."""
     left = Excess(last.locked.over_floor, last.locked_se)
     if stop != "nothing_missing" or left.small or not np.isfinite(left.ratio):
         return []
     unseen = last.unseen
     where = f" ({unseen.over_floor:.2f} where their condition was in no other run)" if unseen else ""
     return [
-        f"On the runs put aside the error is still {last.locked.over_floor:.2f} ± {last.locked_se:.2f} times the noise"
+        f"On the runs held out the error is still {last.locked.over_floor:.2f} ± {last.locked_se:.2f} times the noise"
         f"{where}: something is missing or wrong that the training runs do not show. Extend the model with "
         "all runs, or measure more conditions."
     ]
 
 
 def _rises(steps: Sequence[Step]) -> list[str]:
-    """Steps after which the error on runs put aside was larger: reported, never acted upon."""
+    """Return sentences on steps that raised the error on test runs: reported, never acted upon."""
     return [
-        f"With {' + '.join(now.added)} the error on the runs put aside rose from {before.locked.over_floor:.2f} to "
+        f"With {' + '.join(now.added)} the error on the runs held out rose from {before.locked.over_floor:.2f} to "
         f"{now.locked.over_floor:.2f} times the noise, although it fell on training runs left out: do not "
         "trust this step without further runs."
         for before, now in pairwise(steps)

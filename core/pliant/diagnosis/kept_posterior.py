@@ -1,4 +1,4 @@
-"""A posterior in a study file: written beside the effects that were fitted, read back where they are still the same."""
+"""Posterior in a study file: written next to the fitted effects, and read back if they are unchanged."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from pliant.registry.discovery import Registry
 # A value of the study and of the block are the same within this share.
 SAME = 1e-6
 DIGITS, WRITTEN = 7, 12
-# Rounded correlations may not be quite those of a distribution; smaller eigenvalues are raised to this.
+# Rounded correlations may not be positive definite; smaller eigenvalues are raised to this.
 SMALLEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class KeptPosterior:
-    """What a study keeps of a fit: its posterior, and the scatter of single readings by output."""
+    """The stored results of a fit in a study: its posterior, and the scatter of single readings by output."""
 
     posterior: Posterior
     scatter: Mapping[str, ReadingScatter]
 
 
-def block_of(posterior: Posterior, scatter: Mapping[str, ReadingScatter]) -> PosteriorConfig:
-    """The block of a study whose effects have the posterior's values."""
+def posterior_block(posterior: Posterior, scatter: Mapping[str, ReadingScatter]) -> PosteriorConfig:
+    """Return the block of a study whose effects have the posterior's values."""
     return PosteriorConfig(
         parameters=posterior.names,
         values=tuple(float(f"{value:.{WRITTEN}g}") for value in posterior.values),
@@ -49,10 +49,10 @@ def _rounded(numbers: Sequence[float] | Array) -> tuple[float, ...]:
 
 
 def kept_posterior(registry: Registry, study: Study) -> KeptPosterior | None:
-    """The posterior of a study's `posterior` block; None without one.
+    """Return the posterior of a study's `posterior` block; None without one.
 
     Raises:
-        UserError: the block is not of the effects that the study has.
+        UserError: the block does not match the effects of the study.
     """
     block = study.posterior
     if block is None:

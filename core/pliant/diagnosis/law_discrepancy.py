@@ -1,33 +1,34 @@
-"""The error of the joint law itself, which is part of every hypothesis.
+"""Error of the joint law, which is part of every hypothesis.
 
-The effort of a real module is τ(a, u) + δ(a, u), with actuation a, deformation u, and a static error δ of the law that
-nobody knows. Its prior is a Gaussian process with standard deviation s T,
+The effort of a real module is τ(a, u) + δ(a, u), with actuation a, deformation u, and an unknown static error δ of the
+law. Its prior is a Gaussian process with standard deviation s T,
 
     δ ~ GP(0, (s T)² mean_ℓ exp(−½ (Δa² + Δu²) / ℓ²)),
 
-Δa and Δu as shares of what the runs visit, ℓ from half of it to a sixth, T the torque range of the law, s the share
-of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63, 2001; Brynjarsdóttir & O'Hagan, Inverse
-Problems 30, 2014, on why its prior matters). δ is written over the directions that the readings feel,
+with Δa and Δu as shares of the visited ranges, ℓ from half to a sixth of them, T the torque range of the law, and s the
+share of it by which the law may be off (Kennedy & O'Hagan, J. R. Stat. Soc. B 63, 2001; Brynjarsdóttir & O'Hagan,
+Inverse Problems 30, 2014, on why its prior matters). δ is expanded in directions to which the readings are sensitive,
 δ = T Σ c_j d_j with c_j ~ N(0, s²), and enters the readings to first order through their sensitivities B, which the
 engine gives at each fit. With the weight w = n_eff / (N σ²) of a reading, its marginal likelihood is Gaussian with the
 precision
 
     V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
 
-The size s has a log-normal prior about what is stated (`law_error` of a study) or usual, and is integrated over a
-grid (`LawErrorPrior`); with probability `EXACT` the law has no error. What δ cannot imitate has a memory, a clock, or
-a shape that is not smooth.
+The size s has a log-normal prior about the stated (`law_error` of a study) or the usual size, and is integrated over a
+grid (`LawErrorPrior`); with probability `EXACT` the law has no error. δ cannot imitate effects with a memory, a clock,
+or a shape that is not smooth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 
-from pliant.diagnosis.law_posterior import LawErrorPrior, precision_of
+from pliant.diagnosis.law_posterior import LawErrorPrior, Whitener, coefficient_precision
 from pliant.diagnosis.learned_forms import KIND, LearnedForm, SeenMotion
 from pliant.diagnosis.readings import ReadingVector
 from pliant.errors import PliantError
@@ -37,25 +38,25 @@ from pliant.mechanics.learned_curve import CurveAxis
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 
-# Knots of δ along actuation and angle, and the lengths over which it changes, as shares of what the runs visit.
+# Knots of δ along actuation and angle, and its correlation lengths, as shares of the visited ranges.
 KNOTS = {"actuation": 7, "angle": 8}
 LENGTHS = (0.5, 0.3, 0.18)
-# The basis reaches this share of the visited range beyond it: other hypotheses visit other states.
+# The basis extends beyond the visited range by this share: other hypotheses visit other states.
 BEYOND = 0.1
-# Directions along which a prior of the largest usual size moves the readings less than this, in noise floors, are none.
+# Directions that change the readings by less than this (in noise floors, at the largest usual size) are dropped.
 LEAST_FELT = 0.05
 MOST_DIRECTIONS = 16
-# Change of a coefficient with which sensitivities are taken.
+# Step of a coefficient for sensitivities.
 STEP = 1e-3
 JITTER = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class LawErrorBasis:
-    """Directions of δ that the readings feel.
+    """Directions of δ to which the readings are sensitive.
 
     Attributes:
-        form: the surface over actuation and angle that holds δ.
+        form: the surface over actuation and angle that represents δ.
         directions: (K, m) values at its knots, N·m or N, of each direction at the coefficient 1.
         effort: T, the torque range of the law.
     """
@@ -73,16 +74,16 @@ class LawErrorBasis:
         return self.config(predictor).model_validate(block)
 
     def config(self, predictor: Predictor) -> type[EffectConfig]:
-        """Return the config model of the effect that holds δ."""
+        """Return the config model of the effect that represents δ."""
         return cast(type[EffectConfig], predictor.bench.registry.get("effect", KIND).config_model())
 
 
 def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:
-    """Return T: the largest effort among those of the visited actuations at rest and of the visited deformations.
+    """Return T: the largest effort over the visited actuations at rest and the visited deformations.
 
     Args:
         chain: the chain; its first law counts.
-        axes: the ranges that the runs visit.
+        axes: the visited ranges.
     """
     law = chain.laws[0]
     ends = {axis.name: np.array([axis.low, axis.high]) for axis in axes}
@@ -101,7 +102,7 @@ def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:
 
 
 def law_error_basis(predictor: Predictor) -> LawErrorBasis | None:
-    """Return δ over what these runs visit; None where the law's error cannot show."""
+    """Return δ over the range that these runs visit; None if the law's error cannot show."""
     if KIND not in predictor.bench.registry.kinds("effect"):
         return None
     try:
@@ -142,7 +143,7 @@ def _prior_root(axes: tuple[CurveAxis, ...]) -> Array:
 
 
 def strongest(basis: LawErrorBasis, columns: Array, most: float) -> tuple[LawErrorBasis, Array]:
-    """Return the directions that the readings feel at the size `most`, orthogonal in the readings, and their columns.
+    """Return the directions that the readings detect at the size `most`, orthogonal in the readings, and their columns.
 
     Args:
         basis: any directions with unit prior.
@@ -158,12 +159,12 @@ def strongest(basis: LawErrorBasis, columns: Array, most: float) -> tuple[LawErr
 
 @dataclass(frozen=True, eq=False)
 class LawReference:
-    """The law's error as it enters fits before they have sensitivities of their own.
+    """The law's error for fits before their sensitivities are known.
 
     Attributes:
         basis: its directions.
         prior: of its size.
-        columns: (N, m) sensitivities of the readings about the model as it is.
+        columns: (N, m) sensitivities of the readings for the unchanged model.
         n_effective: independent readings.
     """
 
@@ -174,23 +175,28 @@ class LawReference:
 
     @property
     def precision(self) -> float:
-        """Of each coefficient at the median size, for readings as noisy as their floors."""
+        """Return the precision of each coefficient at the median size, for readings as noisy as their floors."""
         return self.precision_at(self.prior.median, self.n_effective)
+
+    @cached_property
+    def whitener(self) -> Whitener:
+        """Return W of these sensitivities at that precision."""
+        return Whitener.from_sensitivities(self.columns, self.precision)
 
     def precision_at(self, size: float, n_effective: float) -> float:
         """Return the precision of each coefficient at a size, for readings as noisy as their floors."""
-        return precision_of(size, len(self.columns), n_effective, 1.0)
+        return coefficient_precision(size, len(self.columns), n_effective, 1.0)
 
 
 def law_columns(
     predictor: Predictor, readings: ReadingVector, effects: Sequence[EffectConfig], basis: LawErrorBasis
 ) -> Array | None:
-    """Return (N, m) d reading / d coefficient of the law's error, over the scales; None where the engine has none.
+    """Return (N, m) d reading / d coefficient of the law's error, over the scales; None if the engine has none.
 
     Args:
         predictor: the model, driven by the runs of the readings.
-        readings: places and scales of the readings.
-        effects: what the model has beside its own effects.
+        readings: positions and scales of the readings.
+        effects: effects of the model in addition to the predictor's own.
         basis: directions of the law's error.
     """
     steps = STEP * np.eye(len(basis))

@@ -1,4 +1,4 @@
-"""How far a joint law is off, and where, as the readings of a diagnosis show it."""
+"""Error of a joint law, and where it matters most, from the readings of a diagnosis."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.law_discrepancy import LawErrorBasis, LawReference
 from pliant.diagnosis.learned_forms import SeenMotion
 from pliant.diagnosis.learned_term import LearnedTerm
-from pliant.diagnosis.left_out import blocks_of, heldout_residual
+from pliant.diagnosis.left_out import assign_blocks, heldout_residual
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
 from pliant.evidence.prediction import Predictor
-from pliant.formatting import unit_of
+from pliant.formatting import output_unit
 from pliant.mechanics.learned_curve import basis as surface
 from pliant.mechanics.learned_curve import series
 from pliant.records.design import Array
@@ -23,14 +23,14 @@ from pliant.records.measurement import Measurement
 
 @dataclass(frozen=True, eq=False)
 class LawOff:
-    """An error of the law beside a hypothesis.
+    """An error of the law under a hypothesis.
 
     Attributes:
         size: root mean square over the states that the model visits, as a share of the torque range; `effort` is
             that range, N·m or N.
         output, change: the reading that it changes most in units of its noise, and by how much there, SI.
         actuation, reading: the input and the measured reading at that sample, SI; `drive` is the input's name.
-        share: of the squared error of the model that it explains.
+        share: explained share of the model's squared error.
         term: the error as a learned term over actuation and deformation, with its band.
     """
 
@@ -46,8 +46,8 @@ class LawOff:
 
     @property
     def words(self) -> str:
-        """``by 0.31° at 9.2 kPa and 12°``."""
-        unit, pushed = unit_of(self.output), unit_of(self.drive)
+        """Return ``by 0.31° at 9.2 kPa and 12°``."""
+        unit, pushed = output_unit(self.output), output_unit(self.drive)
         change, reading = (unit.text(value, 2) for value in (abs(self.change), self.reading))
         return f"by {change} at {pushed.text(self.actuation, 2)} and {reading}"
 
@@ -60,15 +60,15 @@ def law_off(
     fit: EffectFit,
     noise: NoiseView,
 ) -> LawOff | None:
-    """Return by how much the law is off beside a hypothesis; None where that holds no error of the law.
+    """Return the error of the law under a hypothesis; None if the hypothesis includes no error of the law.
 
     Args:
         predictor: the model.
         measurement: the runs of the readings.
-        readings: places and scales.
-        reference: the law's error as the fits have it; None where they have none.
+        readings: positions and scales.
+        reference: the law's error as in the fits; None if they have none.
         fit: the hypothesis.
-        noise: as the best hypothesis shows it.
+        noise: estimated from the best hypothesis.
     """
     if reference is None or fit.law is None or not np.isfinite(fit.raw).all():
         return None
@@ -111,10 +111,10 @@ def _term(
     noise: NoiseView,
     drive: str,
 ) -> LearnedTerm:
-    """Return the law's error of a fit as a learned term, judged on readings left out."""
+    """Return the law's error of a fit as a learned term, judged on held-out readings."""
     assert fit.law is not None
     by_run = len(np.unique(readings.run)) > 2
-    folds = readings.fold if by_run else blocks_of(readings)
+    folds = readings.fold if by_run else assign_blocks(readings)
     without = heldout_residual(fit, folds, exact_law=True)
     left = heldout_residual(fit, folds)
     root = np.sqrt(fit.law.precision) * fit.law.size * (basis.directions @ fit.law.posterior_root())

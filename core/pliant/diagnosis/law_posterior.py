@@ -1,4 +1,4 @@
-"""What readings say about the error of the law beside a hypothesis: its prior, size, coefficients and price.
+"""Estimate of the law's error under a hypothesis: its prior, size, coefficients and penalty.
 
 The model is that of `law_discrepancy`: coefficients c ~ N(0, s²) change the readings by B c, s has a prior on a grid.
 """
@@ -23,7 +23,7 @@ class LawErrorPrior:
     """Log-normal prior of the size s, a share of the torque range, on a grid.
 
     Attributes:
-        median: the size that is as likely exceeded as not.
+        median: the median size.
         spread: standard deviation of ln s.
         most: the largest size that is considered.
     """
@@ -36,45 +36,45 @@ class LawErrorPrior:
 
     @staticmethod
     def stated(share: float) -> LawErrorPrior:
-        """Return the prior of a law whose error is stated: about the half of it, never above twice of it."""
+        """Return the prior of a law with a stated error: half of it is the median, twice of it the maximum."""
         return LawErrorPrior(0.5 * share, np.log(2.0), 2.0 * share, least=0.05 * share)
 
     @property
     def sizes(self) -> Array:
-        """(n,) the grid."""
+        """Return (n,) the grid."""
         return np.geomspace(self.least, self.most, self.count)
 
     @property
     def log_weights(self) -> Array:
-        """(n,) log prior probability of each size of the grid."""
+        """Return (n,) log prior probability of each size of the grid."""
         logs = -0.5 * (np.log(self.sizes / self.median) / self.spread) ** 2
         return np.asarray(logs - np.log(np.sum(np.exp(logs))))
 
     @property
     def large(self) -> float:
-        """A size that is exceeded in one of twenty laws."""
+        """Return the 95 % quantile of the size."""
         return float(min(self.median * np.exp(1.6449 * self.spread), self.most))
 
 
-# Without a statement: a law from FEM of rubber, or fitted to a bench, is usually off by 0.3 to 3 % of its range.
+# Without a statement: a law from FEM of rubber, or fitted to a test rig, is usually off by 0.3 to 3 % of its range.
 USUAL = LawErrorPrior(median=0.01, spread=np.log(2.2), most=0.06)
 
 
-def prior_of(law_error: float | None) -> LawErrorPrior:
+def law_error_prior(law_error: float | None) -> LawErrorPrior:
     """Return the prior that a study's `law_error` states, or the usual one without it."""
     return USUAL if law_error is None else LawErrorPrior.stated(law_error)
 
 
 @dataclass(frozen=True, eq=False)
 class LawError:
-    """What the readings of a fit say about δ.
+    """The estimate of δ from the readings of a fit.
 
     Attributes:
         columns: (N, m) B, change of the readings per unit of each coefficient, in noise floors.
         coefficient: (m,) its posterior mean.
         size: s, the most probable share of the torque range.
         precision: of each coefficient, in units of squared residuals: 1 / (w s²).
-        price: log-odds that δ costs: its prior at the coefficients and Occam's factor, the size integrated.
+        price: log-odds penalty of δ: its prior at the coefficients and Occam's factor, the size integrated.
     """
 
     columns: Array
@@ -85,17 +85,17 @@ class LawError:
 
     @property
     def change(self) -> Array:
-        """(N,) what δ changes, in noise floors."""
+        """Return (N,) the change by δ, in noise floors."""
         return np.asarray(self.columns @ self.coefficient)
 
     @property
     def penalty(self) -> float:
-        """What the prior adds to the sum of squared residuals."""
+        """Return the contribution of the prior to the sum of squared residuals."""
         return float(self.precision * (self.coefficient @ self.coefficient))
 
     @property
     def normal(self) -> Array:
-        """(m, m) BᵀB + I / (w s²)."""
+        """Return (m, m) BᵀB + I / (w s²)."""
         return np.asarray(self.columns.T @ self.columns + self.precision * np.eye(len(self.coefficient)))
 
     def posterior_root(self) -> Array:
@@ -111,7 +111,7 @@ class LawError:
 
 @dataclass(frozen=True, eq=False)
 class Whitener:
-    """The linear map W with WᵀW = V⁻¹ / w: it takes what δ may do out of residuals and slopes.
+    """The linear map W with WᵀW = V⁻¹ / w, which removes the possible changes by δ from residuals and slopes.
 
     Attributes:
         basis: (N, m) orthonormal directions.
@@ -122,7 +122,7 @@ class Whitener:
     factor: Array
 
     @staticmethod
-    def of(columns: Array, precision: float) -> Whitener:
+    def from_sensitivities(columns: Array, precision: float) -> Whitener:
         """Return W for sensitivities B (N, m) and a precision 1 / (w s²) of the coefficients."""
         left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         return Whitener(left, 1.0 / np.sqrt(1.0 + sizes**2 / precision))
@@ -140,7 +140,7 @@ class Whitener:
         return np.asarray(values + self.basis @ (by[:, None] * along if along.ndim > 1 else by * along))
 
 
-def precision_of(size: float, n_readings: int, n_effective: float, square: float) -> float:
+def coefficient_precision(size: float, n_readings: int, n_effective: float, square: float) -> float:
     """Return 1 / (w s²), with σ² the `square` of the noise in a reading."""
     return n_readings * max(square, LEAST_SQUARE) / (max(n_effective, 2.0) * size**2)
 
@@ -148,14 +148,14 @@ def precision_of(size: float, n_readings: int, n_effective: float, square: float
 def estimate(
     raw: Array, slopes: Array, pulls: Array, columns: Array, prior: LawErrorPrior, n_effective: float
 ) -> LawError:
-    """Return what readings say about δ at a fit.
+    """Return the estimate of δ from the readings at a fit.
 
-    The size is weighed with the parameters x refitted to first order, against a law that is exact; the coefficients
-    are those at x.
+    The size is weighed with the parameters x refitted to first order, relative to an exact law; the coefficients are
+    those at x.
 
     Args:
         raw: (N,) reading − prediction without δ, in noise floors.
-        slopes: (N, k) of the parameters that are free to follow.
+        slopes: (N, k) of the parameters that may be refitted.
         pulls: (k,) their prior weights, in units of squared residuals.
         columns: (N, m) B.
         prior: of the size.
@@ -174,7 +174,7 @@ def estimate(
     for index, size in enumerate(sizes):
         square = max(total / n_readings, LEAST_SQUARE)
         for _ in range(ROUNDS):
-            precision = precision_of(float(size), n_readings, n, square)
+            precision = coefficient_precision(float(size), n_readings, n, square)
             weighted = gram + np.diag(np.r_[np.zeros(k), np.full(len(gram) - k, precision)])
             best = np.linalg.solve(weighted, right)
             penalty = precision * float(best[k:] @ best[k:])

@@ -1,7 +1,7 @@
-"""Forms that a learned term may have: where it acts, over which covariates, with how many knots.
+"""Forms of a learned term: where it acts, over which covariates, with how many knots.
 
-Which covariates a bench varies, and how far, is seen from the histories and from the model's own motion: a covariate
-that stands still gives no form.
+The histories and the model's own motion show which covariates vary in the data, and how far: a constant covariate gives
+no form.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from pliant.evidence.prediction import Predictor
 from pliant.mechanics.learned_curve import KEPT, NAMES, CurveAxis, Signals, series
 from pliant.records.design import Array
 
-# The kind of effect that holds such a form in a study.
+# The kind of effect that contains such a form in a study.
 KIND = "learned"
-# Values of a covariate that few levels have: a straight line between two, a parabola's worth of three.
+# Maximum number of levels of a covariate with as many knots: a line through two, a parabola through three.
 FEW_LEVELS = 3
-# Spread that counts as one, over the largest absolute value.
+# Smallest spread of a varying covariate, over the largest absolute value.
 SPREAD = 1e-3
-# Covariates with a memory or a rate have few extreme values: this share is left out at either end.
+# Covariates with a memory or a rate have few extreme values: this share is excluded at either end.
 TAIL = 0.005
 TIMES_S = (1.0, 5.0, 25.0)
 WIDTHS = (0.05, 0.2)
-# Covariates of which the scale is searched once the form is chosen.
+# Covariates with a scale that is searched after the form is chosen.
 TUNED = (
     "rate",
     "actuation_rate",
@@ -37,7 +37,7 @@ TUNED = (
     "actuation_change",
     "angle_change",
 )
-# Joints whose motion tells the ranges.
+# Number of joints whose motion determines the ranges.
 MOST_JOINTS = 3
 
 
@@ -46,7 +46,7 @@ class LearnedForm:
     """A learned term without its values.
 
     Attributes:
-        acts_on: as a study's `learned` effect has it.
+        acts_on: as in a study's `learned` effect.
         axes: its covariates with ranges and knots.
     """
 
@@ -59,13 +59,13 @@ class LearnedForm:
 
     @property
     def complexity(self) -> tuple[int, int]:
-        """Covariates, and how many of them are rates or carry a memory."""
+        """Return the number of covariates, and how many of them are rates or carry a memory."""
         return len(self.axes), sum(
             axis.name not in ("angle", "actuation", "temperature") for axis in self.axes
         )
 
     def block(self, value: Array, sd: Array | None = None) -> dict[str, Any]:
-        """The effect's block of a study."""
+        """Return the effect's block of a study."""
         covariates = [
             {"name": a.name, "low": a.low, "high": a.high, **({} if a.scale == 1.0 else {"scale": a.scale})}
             for a in self.axes
@@ -75,13 +75,13 @@ class LearnedForm:
         return found if sd is None else {**found, "sd": np.reshape(sd, self.shape).tolist()}
 
     def with_knots(self, shape: Sequence[int]) -> LearnedForm:
-        """The same over other numbers of knots."""
+        """Return the form with other numbers of knots."""
         return replace(
             self, axes=tuple(replace(a, knots=int(n)) for a, n in zip(self.axes, shape, strict=True))
         )
 
 
-# acts_on, then for each covariate its name and its most knots.
+# acts_on, then for each covariate its name and its maximum number of knots.
 FORMS: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = (
     ("input", (("actuation", 14),)),
     ("input", (("temperature", 4),)),
@@ -116,7 +116,7 @@ FORMS: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = (
 
 
 class SeenMotion:
-    """What the joints of a model go through where something was read."""
+    """The signals of a model's joints where something was read."""
 
     def __init__(self, predictor: Predictor) -> None:
         self.predictor = predictor
@@ -137,7 +137,7 @@ class SeenMotion:
         self._known: dict[CurveAxis, Array] = {}
 
     def forms(self) -> list[LearnedForm]:
-        """Every form whose covariates these runs vary, the simplest first."""
+        """Return every form whose covariates these runs vary, the simplest first."""
         found = []
         for acts_on, wanted in FORMS:
             options: list[tuple[CurveAxis, ...]] = [()]
@@ -148,7 +148,7 @@ class SeenMotion:
         return sorted(found, key=lambda form: (form.complexity, np.prod(form.shape)))
 
     def rescaled(self, form: LearnedForm, which: int, share: float) -> LearnedForm | None:
-        """The form with the scale of one covariate changed by a share; None where it then stands still."""
+        """Return the form with the scale of one covariate changed by a share; None if it is then constant."""
         axis = form.axes[which]
         scaled = replace(axis, scale=float(f"{share * axis.scale:.2g}"))
         found = self._axis(scaled, form.acts_on == "reading" and axis.name.startswith("angle"))
@@ -160,7 +160,7 @@ class SeenMotion:
 
     @cached_property
     def readings(self) -> Array:
-        """All angles that the model says the sensors read, where they did."""
+        """Return all angles that the sensors read according to the model, where they did."""
         runs = zip(self.predictor.measurement.runs, self.predictor.evaluate().runs, strict=True)
         angles = [
             values[np.isfinite(measured.outputs[name])]
@@ -172,7 +172,7 @@ class SeenMotion:
         return values[np.isfinite(values)]
 
     def axes(self, name: str, knots: int, acts_on: str) -> list[CurveAxis]:
-        """The covariate with each scale that it may have; none where it stands still."""
+        """Return the covariate with each of its possible scales; empty if it is constant."""
         if not self.timed and name in ("rate", "time", "actuation_rate", "actuation_change", "angle_change"):
             return []
         if acts_on == "reading" and not len(self.readings):
@@ -202,7 +202,7 @@ class SeenMotion:
         return [1.0]
 
     def _slow(self, name: str) -> float:
-        """A rate that tells motion from rest: a third of the lower quartile of the rates in motion."""
+        """Return a rate that separates motion from rest: a third of the lower quartile of the rates in motion."""
         rates: list[Array] = []
         for _, run, read in self.runs:
             if read.any() and run.time_s is not None:
@@ -230,7 +230,7 @@ class SeenMotion:
         return replace(axis, low=float(f"{low:.4g}"), high=float(f"{high:.4g}"), knots=max(knots, 2))
 
     def _values(self, axis: CurveAxis) -> Array:
-        """All samples of the covariate where something was read."""
+        """Return all samples of the covariate where something was read."""
         if axis not in self._known:
             parts = []
             memories: dict[str, Array] = {}

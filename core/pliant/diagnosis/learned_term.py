@@ -1,10 +1,10 @@
-"""The smallest learned term that predicts runs left out better: what to add when no listed effect explains the rest.
+"""Search for the smallest learned term that predicts left-out runs better, if no listed effect explains the rest.
 
 Every form of `learned_forms` is fitted to the residuals by the engine's own slopes (`smooth_fit`) and judged on runs
 that its values were not fitted to. Of those that predict as well as the best, within one standard error of their
-difference, the simplest is taken (Breiman et al. 1984, the one-standard-error rule), fitted again where it has led the
-model, and judged again. It is offered where the error on runs left out falls by more than its uncertainty, and does not
-rise on conditions left out.
+difference, the simplest is taken (Breiman et al. 1984, the one-standard-error rule), refitted at the model that
+includes it, and judged again. It is offered if the error on left-out runs falls by more than its uncertainty, and does
+not rise on left-out conditions.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.mechanics.held import is_held
 from pliant.records.design import Array
 
-# The fall of the squared error on runs left out, in standard errors, and of its root as a share.
+# The fall of the squared error on left-out runs, in standard errors, and of its root as a share.
 SURE, LEAST_FALL = 3.0, 0.03
-# Rise of the squared error on conditions left out that is still chance.
+# Rise of the squared error on left-out conditions that is still chance.
 MOST_RISE = 1.05
 # Gauss-Newton steps from the curve of the linear fit, and the fall of the squared error below which they end.
 MOST_STEPS, STILL = 8, 2e-3
-# A curve that leaves less than this of the floor's square on runs left out leaves nothing for a surface.
+# A surface is not tried if a curve leaves less than this many times the floor's square on left-out runs.
 ENOUGH = 1.1
-# Forms that are fitted beyond the first order, the best of those that help; scales of a covariate that are tried.
+# Forms that are fitted beyond the first order (the best of those that help); scales of a covariate that are tried.
 MOST_REFINED, MOST_SCALES = 4, 3
-# Values of a surface or curve are thinned to so many knots per length over which it changes.
+# Values of a surface or curve are reduced to this number of knots per correlation length.
 KNOTS_PER_LENGTH = 1.5
 FEWEST_KNOTS = 4
-# Share of a typical value at which slopes are taken.
+# Share of a typical value used as the step for slopes.
 STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedTerm:
-    """A learned term, fitted.
+    """A fitted learned term.
 
     Attributes:
-        effect: as a study has it.
-        form: where it acts and over what.
+        effect: as in a study.
+        form: where it acts, and its covariates.
         value, sd: at its knots, in the order of the effect's `value`.
         covariance: (K, K) of the values.
-        before, after: RMS error over the noise floor on runs left out, without and with it.
-        sure: fall of the squared error on runs left out over its standard error.
-        freedom: values that the readings decide, less than there are knots.
+        before, after: RMS error over the noise floor on left-out runs, without and with it.
+        sure: fall of the squared error on left-out runs over its standard error.
+        freedom: effective number of values that the readings determine, less than the number of knots.
         residual: (N,) reading − prediction over the scales, with all runs.
         left_out: (N,) with each run left out of the term's fit.
         tried: forms that were fitted.
@@ -79,7 +79,7 @@ class LearnedTerm:
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """A form with its prior, to first order about no curve and about the values to which it has led.
+    """A form with its prior, to first order about no curve and about the values of each later step.
 
     Attributes:
         mean: (K,) posterior mean by the last of the models.
@@ -94,7 +94,7 @@ class _Fitted:
 
     @property
     def square(self) -> float:
-        """Mean square on readings left out."""
+        """Return the mean square on left-out readings."""
         return _square(self.left)
 
     @property
@@ -113,14 +113,14 @@ def learn(
     conditions: NDArray[np.intp],
     folds: NDArray[np.intp] | None = None,
 ) -> LearnedTerm | None:
-    """The smallest learned term that these runs support; None where there is none.
+    """Return the smallest learned term that these runs support, or None.
 
     Args:
         predictor: the model, with all effects that it has.
         readings: in units of their scales.
-        noise: as the residuals of the model, or of the best explanation, show it.
+        noise: estimated from the residuals of the model, or of the best explanation.
         conditions: (N,) number of each reading's condition: repeats share one.
-        folds: (N,) what is left out together; the readings' own folds by default.
+        folds: (N,) number of the fold of each reading; the readings' own folds by default.
     """
     held = any(is_held(run.history) for run in predictor.measurement.runs)
     if held or KIND not in predictor.bench.registry.kinds("effect"):
@@ -130,7 +130,7 @@ def learn(
 
 
 class _Learner:
-    """One model, its readings, and how they are divided."""
+    """A learner for one model, its readings, and their division into folds."""
 
     def __init__(
         self,
@@ -153,13 +153,13 @@ class _Learner:
         self.floor_square = square if np.isfinite(square) and square > 0.0 else 1e-3 * _square(self.plain)
 
     def learn(self) -> LearnedTerm | None:
-        """See the function."""
+        """Return the smallest learned term, see the function."""
         fitted: list[_Fitted] = []
         for n_covariates in (1, 2):
             forms = [form for form in self.forms if len(form.axes) == n_covariates]
             fitted += [one for form in forms if (one := self._linear(form)) is not None]
             if fitted and min(one.square for one in fitted) < ENOUGH * self.floor_square:
-                break  # nothing is left for a surface to explain
+                break  # the curve already reaches the floor
         good = sorted((one for one in fitted if self._helps(one)), key=lambda one: one.square)
         refined = [self._refined(self._thinned(one)) for one in good[:MOST_REFINED]]
         refined = [one for one in refined if self._helps(one)]
@@ -173,12 +173,12 @@ class _Learner:
         return self._term(self._rescaled(smallest), len(fitted))
 
     def _linear(self, form: LearnedForm) -> _Fitted | None:
-        """The form fitted to the residuals of the model as it is; None where it cannot act, or moves no reading."""
+        """Return the form fitted to the unchanged model's residuals; None if it cannot act, or changes no reading."""
         try:
             model = self._model(form, np.zeros(int(np.prod(form.shape))))
         except PliantError:
             return None
-        sums = Sums.of(model.slopes, model.aim, self.folds)
+        sums = Sums.from_residuals(model.slopes, model.aim, self.folds)
         prior = most_likely(form.axes, sums, self.n_effective, self.floor_square)
         return None if prior is None else self._fitted(form, prior, (model,))
 
@@ -188,7 +188,7 @@ class _Learner:
         return _Fitted(form, prior, models, mean, left_out(prior, models, self.folds))
 
     def _model(self, form: LearnedForm, value: Array) -> LinearModel:
-        """To first order about these values; 0 where there is no equilibrium."""
+        """Return the model to first order about these values; 0 where there is no equilibrium."""
         step = self._step(form)
         towards = [(self._effect(form, value + step * row),) for row in np.eye(len(value))]
         prediction, changes = self.predictor.vary((self._effect(form, value),), towards)
@@ -197,7 +197,7 @@ class _Learner:
         return LinearModel(value, residual, slopes)
 
     def _step(self, form: LearnedForm) -> float:
-        """A small change of a value, in its unit."""
+        """Return a small change of a value, in its unit."""
         histories = [run.history for run in self.predictor.measurement.runs]
         pushed = max((float(np.abs(v).max()) for h in histories for v in h.actuation.values()), default=0.0)
         return STEP * (pushed or 1.0) if form.acts_on == "input" else 1e-2 * STEP
@@ -206,10 +206,10 @@ class _Learner:
         return cast(EffectConfig, self.config.model_validate(form.block(value, sd)))
 
     def _gain(self, one: Array, other: Array) -> tuple[float, float]:
-        """Fall of the summed square from the residuals `other` to `one`, and its standard error.
+        """Return the fall of the summed square from the residuals `other` to `one`, and its standard error.
 
-        Of squares r² and (r − d)² the difference has, by the noise in r alone, the variance 4 σ² d², N/n_eff times that
-        in the sum where neighbours share their noise.
+        The difference of squares r² and (r − d)² has, by the noise in r alone, the variance 4 σ² d², and N/n_eff times
+        that in the sum if neighbours share their noise.
         """
         fall = float(other @ other - one @ one)
         apart = float(np.sum((one - other) ** 2))
@@ -217,7 +217,7 @@ class _Learner:
         return fall, 2.0 * float(np.sqrt(self.floor_square * share * apart))
 
     def _helps(self, one: _Fitted) -> bool:
-        """The error on runs left out falls beyond its uncertainty; that on conditions left out does not rise."""
+        """Return whether the error falls significantly on left-out runs without a rise on left-out conditions."""
         fall, error = self._gain(one.left, self.plain)
         total = _square(self.plain)
         if not (fall > SURE * error and one.square < (1.0 - LEAST_FALL) ** 2 * total):
@@ -227,12 +227,12 @@ class _Learner:
         return _square(left_out(one.prior, one.models, self.conditions)) < MOST_RISE * total
 
     def _as_good(self, one: _Fitted, best: _Fitted) -> bool:
-        """Within one standard error of the best."""
+        """Return whether a form is within one standard error of the best."""
         fall, error = self._gain(best.left, one.left)
         return one is best or fall < error
 
     def _thinned(self, one: _Fitted) -> _Fitted:
-        """With no more knots than its lengths need; as it was where that predicts worse."""
+        """Return a form with no more knots than its correlation lengths need; unchanged if that predicts worse."""
         shape = tuple(
             min(n, max(FEWEST_KNOTS, int(np.ceil(KNOTS_PER_LENGTH / length)) + 1))
             for n, length in zip(one.form.shape, one.prior.lengths, strict=True)
@@ -243,7 +243,7 @@ class _Learner:
         return fewer if fewer is not None and self._as_good(fewer, one) else one
 
     def _refined(self, one: _Fitted) -> _Fitted:
-        """Gauss-Newton steps, halved where they lead too far, as long as they lower the cost."""
+        """Return the form after Gauss–Newton steps, shortened where they go too far, as long as they lower the cost."""
         here = one.models[0]
         start, factor = here, np.asarray(np.linalg.inv(one.prior.factor), float)
         cost = self._cost(here, one.prior, factor)
@@ -263,12 +263,12 @@ class _Learner:
         return one
 
     def _cost(self, model: LinearModel, prior: CurvePrior, factor: Array) -> float:
-        """−2 log posterior of the model's values."""
+        """Return −2 log posterior of the model's values."""
         away = factor @ model.value
         return prior.weight * float(model.residual @ model.residual) + float(away @ away)
 
     def _rescaled(self, one: _Fitted) -> _Fitted:
-        """With other times, widths and rates of its covariates where these predict better."""
+        """Return the form with other times, widths and rates of its covariates if these predict better."""
         for k, axis in enumerate(one.form.axes):
             if axis.name not in TUNED:
                 continue
@@ -307,17 +307,17 @@ class _Learner:
 
 
 def _square(residual: Array) -> float:
-    """Mean square."""
+    """Return the mean square."""
     return float(residual @ residual) / max(len(residual), 1)
 
 
 def _filled(values: Array) -> Array:
-    """0 where there is no equilibrium: such readings say nothing."""
+    """Return values with 0 where there is no equilibrium: such readings carry no information."""
     return np.where(np.isfinite(values), values, 0.0)
 
 
 def _rounded(value: Array, sd: Array) -> tuple[Array, Array]:
-    """At a hundredth of the smallest standard deviation, or of the largest value."""
+    """Return values rounded to a small share of the smallest standard deviation, or of the largest value."""
     finest = min(float(sd.min()), float(np.abs(value).max()) or 1.0) / 30.0
     digits = -int(np.floor(np.log10(finest)))
     return np.round(value, digits), np.array([float(f"{x:.2g}") for x in sd])

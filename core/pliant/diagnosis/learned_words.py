@@ -1,12 +1,12 @@
-"""A learned term in words: what it depends on, how far the error falls, that it is no cause, what to look for."""
+"""Sentences on a learned term: its covariates, the reduction of the error, that it is no cause, what to inspect."""
 
 from __future__ import annotations
 
 from pliant.diagnosis.learned_term import LearnedTerm
-from pliant.formatting import NamedUnit, Unit, display_unit, listed, named_unit, unit_of
+from pliant.formatting import NamedUnit, Unit, display_unit, listed, named_unit, output_unit
 from pliant.mechanics.learned_curve import CurveAxis
 
-# What the curve changes: its quantity with the SI unit (of the input where it is empty), and what may do such a thing.
+# What the curve changes: its quantity with the SI unit (of the input if empty), and possible causes.
 ACTS = {
     "input": ("added to the {input}", "", "the {input} that arrives: gauge, regulator, hose, valve"),
     "moment": ("a moment at every joint", "N*m", "something that pushes, rubs or catches at the joints"),
@@ -34,8 +34,8 @@ COVARIATES = {
 
 
 def covariate_words(axis: CurveAxis, drive: str) -> NamedUnit:
-    """A covariate's name and display unit; `drive` is the name of the chain's input."""
-    words = unit_of(drive)
+    """Return a covariate's name and display unit; `drive` is the name of the chain's input."""
+    words = output_unit(drive)
     if axis.name == "actuation":
         return NamedUnit(words.symbol, words.factor, words.word, words.label)
     label, unit = COVARIATES[axis.name]
@@ -45,20 +45,20 @@ def covariate_words(axis: CurveAxis, drive: str) -> NamedUnit:
 
 
 def quantity(found: LearnedTerm) -> tuple[str, Unit]:
-    """What the curve changes, and the unit in which it is shown: shares in percent."""
+    """Return what the curve changes, and the unit in which it is shown: shares in percent."""
     label, unit, _ = ACTS[found.form.acts_on]
-    words = unit_of(found.drive)
+    words = output_unit(found.drive)
     shown: Unit = Unit("%", 100.0) if unit == "1" else display_unit(unit) if unit else words
     return label.format(input=words.label), shown
 
 
 def depends_on(found: LearnedTerm) -> str:
-    """The covariates in words."""
+    """Return the covariates in words."""
     return listed([covariate_words(axis, found.drive).label for axis in found.form.axes])
 
 
 def offer(found: LearnedTerm) -> str:
-    """That it would help, how far, and how it is added."""
+    """Return a sentence that it would help, how much, and how to add it."""
     return (
         f"A learned term would lower the error on {found.on} from {found.before:.2f} to {found.after:.2f} times the "
         f"noise: {described(found)} Add it with pliant improve --learned."
@@ -66,9 +66,9 @@ def offer(found: LearnedTerm) -> str:
 
 
 def described(found: LearnedTerm) -> str:
-    """What it is and what it is not."""
+    """Return a description of the term and of its limits."""
     label, _ = quantity(found)
-    look = ACTS[found.form.acts_on][2].format(input=unit_of(found.drive).label)
+    look = ACTS[found.form.acts_on][2].format(input=output_unit(found.drive).label)
     form = "curve" if len(found.form.axes) == 1 else "surface"
     return (
         f"a smooth {form} over {depends_on(found)} that changes {label.removeprefix('added to ')}, "

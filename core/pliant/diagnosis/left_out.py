@@ -1,13 +1,13 @@
-"""Errors on readings that a fit has not seen: runs, conditions or blocks left out of it, one after another.
+"""Cross-validated errors: runs, conditions or blocks are left out of a fit, one after another.
 
 The fit is not repeated: without the readings G the parameters x move by
 
     dx = (A + λ)⁻¹ (b − λ x),      A = Σ_{i ∉ G} J_iᵀ J_i,      b = Σ_{i ∉ G} J_iᵀ r_i
 
 within their bounds (all at once: Stark & Parker, Comput. Stat. 10, 1995), and leave r_G − J_G dx, exact for a linear
-model (Cook & Weisberg 1982, section 2.2.2). The weak prior λ (`FitParameter.pull`) decides only where the other
-readings say nothing about a parameter: it then returns to x = 0, the neutral strength or the typical shape, as a fit
-without G would have left it.
+model (Cook & Weisberg 1982, section 2.2.2). The weak prior λ (`FitParameter.pull`) decides only if the other readings
+carry no information on a parameter: it then returns to x = 0, the neutral strength or the typical shape, as in a fit
+without G.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.readings import ReadingVector
 from pliant.records.design import Array
 
-# A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.
+# A group with more than all but this share of the information on some parameter cannot be predicted without it.
 LEAST_LEFT = 0.02
-# Below this share of the largest a direction of what is known is rounding.
+# Directions below this share of the largest information are rounding.
 ROUNDING = 1e-14
 
 
 def heldout_residual(
     fit: EffectFit, groups: NDArray[np.intp], plain: Array | None = None, exact_law: bool = False
 ) -> Array:
-    """(N,) residual of each reading with the readings of its group left out.
+    """Return (N,) residual of each reading with the readings of its group left out.
 
     Args:
         fit: at its optimum.
         groups: (N,) number of each reading's group.
-        plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
-            known at all, as for the only warm runs when softening with temperature is fitted.
-        exact_law: predict with the law as it is, although its error was part of the fit.
+        plain: (N,) residual of the unchanged model, used for groups without which a parameter would be unknown,
+            such as the only warm runs when softening with temperature is fitted.
+        exact_law: predict with the unchanged law, although its error was part of the fit.
 
-    Of a fit without an equilibrium at any start, NaN. The law's own error, where it is part of the hypothesis, is
-    known from the other groups only, too.
+    NaN for a fit without an equilibrium at any start. The law's own error, if it is part of the hypothesis, is also
+    estimated from the other groups only.
     """
     if fit.slopes.shape[1] == 0 and (fit.law is None or exact_law):
         return fit.raw
     if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
         return np.full_like(fit.residual, np.nan)
-    joint = _JointFit.of(fit)
+    joint = _JointFit.from_fit(fit)
     slopes, pull, low, high = joint.slopes, joint.pull, joint.low, joint.high
     prior = np.diag(pull)
     whole, pulled = slopes.T @ slopes, slopes.T @ fit.residual
@@ -73,9 +73,9 @@ def heldout_residual(
 
 @dataclass(frozen=True, eq=False)
 class _JointFit:
-    """Parameters of a fit with the coefficients of the law's error behind them: values, slopes, prior and bounds.
+    """Parameters of a fit, followed by the coefficients of the law's error: values, slopes, prior and bounds.
 
-    `is_nuisance` marks what has a real prior, to which it returns where no reading knows it: forms and coefficients.
+    `is_nuisance` marks those with a real prior, to which they return without information: forms and coefficients.
     """
 
     x: Array
@@ -86,7 +86,7 @@ class _JointFit:
     is_nuisance: NDArray[np.bool_]
 
     @staticmethod
-    def of(fit: EffectFit) -> _JointFit:
+    def from_fit(fit: EffectFit) -> _JointFit:
         low, high = fit.candidate.limits()
         pull = np.array([parameter.pull for parameter in fit.candidate.parameters])
         forms = np.array([parameter.is_form for parameter in fit.candidate.parameters], bool)
@@ -104,8 +104,10 @@ class _JointFit:
 
 
 def _spared(whole: Array, pull: Array, forms: NDArray[np.bool_]) -> Array:
-    """(k, k) the prior's weights of what nobody misses: forms, which are plain where they are not known, and directions
-    of which all readings together know less than the prior, such as a second time constant that ended at zero.
+    """Return (k, k) the prior's weights of what may remain unknown.
+
+    These are forms, which are plain if unknown, and directions on which all readings together contain less
+    information than the prior, such as a second time constant that ended at zero.
     """
     scale = np.sqrt(pull)
     known, directions = np.linalg.eigh(whole / np.outer(scale, scale))
@@ -115,12 +117,12 @@ def _spared(whole: Array, pull: Array, forms: NDArray[np.bool_]) -> Array:
     return np.asarray(spared * np.outer(scale, scale), float)
 
 
-# A run by itself is left out in blocks: so many, dealt out to so many folds.
+# A single run is left out in blocks: their number, and the number of folds to which they are assigned.
 BLOCKS, FOLDS = 24, 6
 
 
-def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
-    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
+def assign_blocks(readings: ReadingVector) -> NDArray[np.intp]:
+    """Return (N,) fold of each reading: each run and output in `BLOCKS` equal parts, assigned in turn."""
     block = np.empty(len(readings), np.intp)
     for run in range(readings.n_runs):
         for output in range(len(readings.outputs)):
@@ -130,8 +132,9 @@ def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
 
 
 def _bounded(normals: Array, rights: Array, low: Array, high: Array) -> Array:
-    """(G, k) the least of ½ mᵀ A m − bᵀ m within bounds, for each A (G, k, k) and b: where one parameter stands at its
-    bound, the others follow.
+    """Return (G, k) the minimum of ½ mᵀ A m − bᵀ m within bounds, for each A (G, k, k) and b.
+
+    If one parameter is at its bound, the others are optimized given it.
     """
     if not len(rights):
         return rights
@@ -147,14 +150,14 @@ def _at_bounds(normal: Array, right: Array, low: Array, high: Array) -> Array:
     squares, axes = np.linalg.eigh(normal)
     sizes = np.sqrt(np.maximum(squares, ROUNDING * squares[-1]))  # rounding may leave a square below zero
     root, goal, found = sizes[:, None] * axes.T, axes.T @ right / sizes, np.zeros(len(right))
-    free = low < high  # what is held has no room
+    free = low < high  # fixed parameters have equal bounds
     if free.any():
         found[free] = lsq_linear(root[:, free], goal, (low[free], high[free]), method="bvls").x
     return np.asarray(found, float)
 
 
-def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-    """(runs,) number of the condition of each run: repeats share one."""
+def condition_indices(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
+    """Return (runs,) number of the condition of each run: repeats share one."""
     condition = np.arange(n_runs)
     for group in repeats:
         condition[list(group)] = min(group)

@@ -1,26 +1,25 @@
-"""What to measure next: the run of a menu from which most is expected per minute of bench time.
+"""Choice of the next run: the run of a menu with the most expected information per minute.
 
-The contenders are the hypotheses that are still probable, each at its fitted parameters and as unsure of them as the
-measured runs leave it. Readings of the new run are as noisy, and as much alike among neighbours, as
-those that were measured.
+The contenders are the hypotheses that are still probable, each at its fitted parameters with the uncertainty that the
+measured runs leave. Readings of the new run are assumed to be as noisy and as autocorrelated as the measured ones.
 
-A run tells hypotheses apart by its expected log Bayes factors and the probability of a right verdict.
+A run is rated by its expected log Bayes factors between hypotheses and the probability of a right verdict.
 
-Each hypothesis predicts the readings y of a run as m + G δ with its parameters' deviation δ ~ N(0, A⁻¹) from where
-the measured runs put them, and noise of unit variance per independent reading:
+Each hypothesis predicts the readings y of a run as m + G δ with its parameters' deviation δ ~ N(0, A⁻¹) from their
+estimates, and noise of unit variance per independent reading:
 
     y | a ~ N(m_a, V_a),      V_a = 1 + f + G_a A_a⁻¹ G_aᵀ.
 
-What b cannot reach by bending its parameters, at the price that the old data set on bending them, is what tells it from
-a: the expected log Bayes factor is the Kullback–Leibler divergence
+The differences that b cannot remove by changing its parameters, at the cost in the old data, distinguish it from a: the
+expected log Bayes factor is the Kullback–Leibler divergence
 
     E_a ln p(y | a) / p(y | b) = ½ [tr(V_b⁻¹ V_a) − r + ln det V_b / det V_a + (m_a − m_b)ᵀ V_b⁻¹ (m_a − m_b)]
 
-(Hunter and Reiner, Technometrics 7, 1965; Box and Hill, Technometrics 9, 1967). f is what a model that is slightly
-off may do to the readings by itself: its square sum, along three of the r directions in which the hypotheses differ,
-whichever they are. Outside these r directions all hypotheses are the same, so that everything happens within. Draws of
-y under each hypothesis give the probability that the verdict would be right and the expected information (Lindley,
-Ann. Math. Statist. 27, 1956; Chaloner and Verdinelli, Statist. Sci. 10, 1995).
+(Hunter and Reiner, Technometrics 7, 1965; Box and Hill, Technometrics 9, 1967). f is the effect of a slightly wrong
+model on the readings: its sum of squares, spread over three of the r directions in which the hypotheses differ.
+Outside these r directions all hypotheses are the same, so that the computation is restricted to them. Draws of y under
+each hypothesis give the probability of a right verdict and the expected information (Lindley, Ann. Math. Statist. 27,
+1956; Chaloner and Verdinelli, Statist. Sci. 10, 1995).
 """
 
 from __future__ import annotations
@@ -46,10 +45,10 @@ from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
-# Directions whose size is below this share of the largest are rounding.
+# Directions below this share of the largest are rounding.
 FLAT = 1e-9
 DRAWS = 256
-# Errors of a form are smooth: they lie along few directions.
+# Errors of a form are smooth: they extend along few directions.
 FORM_DIRECTIONS = 3
 
 
@@ -59,10 +58,10 @@ class Contender:
 
     Attributes:
         probability: so far; those of all contenders need not sum to one.
-        mean: (M,) readings over their noise, each times the root of the independent readings that it is worth.
+        mean: (M,) readings over their noise, each times the root of the number of independent readings it counts for.
         slopes: (M, k) their slopes, likewise.
-        information: (k, k) what is known of the parameters: the inverse of their covariance.
-        form: sum of squares that this hypothesis' own inexactness may add to the readings.
+        information: (k, k) inverse covariance of the parameters.
+        form: sum of squares that the inexactness of this hypothesis may add to the readings.
     """
 
     probability: float
@@ -74,11 +73,11 @@ class Contender:
 
 @dataclass(frozen=True, eq=False)
 class ExpectedOutcome:
-    """What a run is expected to do to the contenders.
+    """The expected result of a run for the contenders.
 
     Attributes:
         right: probability that the true one is then believed.
-        wrong: probability that another is.
+        wrong: probability that another one is.
         information: expected fall of the entropy of the probabilities, in nats.
         factors: (K, K) expected log Bayes factor of row against column if the row is true.
     """
@@ -90,7 +89,7 @@ class ExpectedOutcome:
 
 
 def expected(contenders: Sequence[Contender], temperature: float, believed: float) -> ExpectedOutcome:
-    """What a run would tell, the draws always the same.
+    """Return the expected outcome of a run, always with the same draws.
 
     Args:
         contenders: two or more.
@@ -128,7 +127,7 @@ def expected(contenders: Sequence[Contender], temperature: float, believed: floa
 
 
 def _reduced(contenders: Sequence[Contender]) -> tuple[Array, list[Array]]:
-    """Means (K, r) and covariances (r, r) in the directions in which the contenders differ."""
+    """Return means (K, r) and covariances (r, r) in the directions in which the contenders differ."""
     middle = np.mean([one.mean for one in contenders], axis=0)
     columns = [np.column_stack([one.mean - middle, one.slopes]) for one in contenders]
     left, sizes, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
@@ -143,7 +142,7 @@ def _reduced(contenders: Sequence[Contender]) -> tuple[Array, list[Array]]:
 
 
 def _divergence(apart: Array, mine: Array, root: Array, log_ratio: float) -> float:
-    """Kullback–Leibler divergence to a normal distribution with this Cholesky root."""
+    """Return the Kullback–Leibler divergence to a normal distribution with this Cholesky root."""
     inverse = np.linalg.inv(root)
     scaled = inverse @ apart
     trace = float(np.sum((inverse @ mine) * inverse))
@@ -151,7 +150,7 @@ def _divergence(apart: Array, mine: Array, root: Array, log_ratio: float) -> flo
 
 
 def _log_density(drawn: Array, means: Array, roots: Sequence[Array], log_det: Array) -> Array:
-    """(draws, K) up to a constant."""
+    """Return (draws, K) log densities up to a constant."""
     found = np.empty((len(drawn), len(means)))
     for b, root in enumerate(roots):
         scaled = np.linalg.solve(root, (drawn - means[b]).T)
@@ -159,14 +158,16 @@ def _log_density(drawn: Array, means: Array, roots: Sequence[Array], log_det: Ar
     return found
 
 
-# Contenders below this probability are not asked.
+# Contenders below this probability are ignored.
 SMALL = 0.01
 MOST_CONTENDERS = 8
 REPEATING = "the medium run again, three times"
-# A run from which less is expected, in nats, does not help.
+# A run with less expected information, in nats, does not help.
 LEAST_INFORMATION = 0.02
-# Runs that tell less than this share of what the most telling one tells are not chosen for being short.
+# Runs with less than this share of the information of the best one are not chosen for being short.
 TELLING = 0.5
+# If the right verdict after a run is less likely than this, further runs will be needed.
+LIKELY = 0.5
 NO_RUN = (
     "No run of the menu would decide between the explanations that are left: {words} predict the same in all of them, "
     "within the noise. Add other runs under 'protocols:' in the study, or another sensor."
@@ -186,14 +187,14 @@ class RankedRun:
 
 @dataclass(frozen=True)
 class NextRun:
-    """The run to do next.
+    """The recommended next run.
 
     Attributes:
-        run, why: an order to the bench, and the reason.
-        separates: pairs of hypotheses whose expected log Bayes factor, either way, is enough for a verdict.
+        run, why: an order to the experimenter, and the reason.
+        separates: pairs of hypotheses whose expected log Bayes factor, in either direction, is enough for a verdict.
         minutes: of motion and of setting up.
         name: of the menu's run.
-        expected: probability that the verdict after it is the right one; NaN where it is not known.
+        expected: probability that the verdict after it is right; NaN if it is unknown.
         ranked: all runs of the menu, the best first.
         planned: the run itself, for its file.
     """
@@ -210,13 +211,13 @@ class NextRun:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What the measured runs leave: hypotheses with their fits and probabilities, and the noise.
+    """The state after the measured runs: hypotheses with their fits and probabilities, and the noise.
 
     Attributes:
         fits, probability: of every hypothesis.
         n_effective: independent readings among those that were measured.
         square: variance of one reading in units of the scales.
-        thresholds: what a verdict asks for.
+        thresholds: requirements of a verdict.
     """
 
     fits: Mapping[Kinds, EffectFit]
@@ -226,20 +227,20 @@ class Belief:
     thresholds: EvidenceThresholds = THRESHOLDS
 
     @staticmethod
-    def of(
+    def from_fits(
         fits: Mapping[Kinds, EffectFit],
         probability: Mapping[Kinds, float],
         noise: NoiseView,
         thresholds: EvidenceThresholds = THRESHOLDS,
     ) -> Belief:
-        """The noise is the floor; the unit of the residuals where nothing tells one."""
+        """Return the state with the floor as the noise, or with the unit of the residuals if no floor is known."""
         known = math.isfinite(noise.floor_square) and noise.floor_square > LEAST_SQUARE
         square = noise.floor_square if known else 1.0
         return Belief(fits, probability, noise.n_effective, square, thresholds)
 
     @property
     def contenders(self) -> tuple[Kinds, ...]:
-        """Hypotheses that predict something and are still probable, the most probable first."""
+        """Return the hypotheses that predict something and are still probable, the most probable first."""
         found = [
             kinds
             for kinds, p in self.probability.items()
@@ -249,30 +250,30 @@ class Belief:
 
     @property
     def deciding(self) -> float:
-        """Expected log Bayes factor that turns even odds into a verdict."""
+        """Return the expected log Bayes factor that turns even odds into a verdict."""
         believed = self.thresholds.believed
         return self.thresholds.temperature * math.log(believed / (1.0 - believed))
 
 
-def catalogue_of(predictor: Predictor, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
-    """A study's own runs, or the default menu at the measurement's scale; without a clock, one without time."""
+def candidate_runs(predictor: Predictor, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
+    """Return a study's own runs, or the default menu at the measurement's scale; the static one without a clock."""
     if own:
         return tuple(own)
-    scale = BenchScale.of_measurement(predictor.chain, predictor.measurement)
+    scale = BenchScale.from_measurement(predictor.chain, predictor.measurement)
     timed = any(run.history.time_s is not None for run in predictor.measurement.runs)
     return timed_catalogue(scale) if timed else static_catalogue(scale)
 
 
-def view_of(
+def catalogue_view(
     predictor: Predictor, scales: Mapping[str, float], n_effective: float, own: Sequence[PlannedRun] = ()
 ) -> CatalogueView:
-    """The model in the menu, its readings worth as much as the measured ones."""
+    """Return the model in the menu, with as many independent readings per time as in the measurement."""
     slow = seconds_per_reading(predictor.measurement, len(scales), n_effective)
-    return CatalogueView.of(predictor, catalogue_of(predictor, own), scales, slow)
+    return CatalogueView.from_predictor(predictor, candidate_runs(predictor, own), scales, slow)
 
 
 def next_run(view: CatalogueView, belief: Belief, done: Collection[int] = ()) -> NextRun | None:
-    """The best run; None with fewer than two contenders, or where no run would help."""
+    """Return the best run; None with fewer than two contenders, or if no run would help."""
     runs = next_runs(view, belief, 1, done=done)
     return runs[0] if runs else None
 
@@ -284,16 +285,16 @@ def next_runs(
     minutes: float = math.inf,
     done: Collection[int] = (),
 ) -> tuple[NextRun, ...]:
-    """Up to `count` runs that fit into the minutes, each the best beside those before it.
+    """Return up to `count` runs that fit into the minutes, each the best in addition to those before it.
 
-    `done` are places of runs that were measured (`done_before`); they are the last to be chosen.
+    `done` are indices of runs that were measured (`done_before`); they are the last to be chosen.
     """
     contenders = belief.contenders
     if len(contenders) < 2:
         return ()
-    looks = {kinds: view.look(belief.fits[kinds].candidate, belief.fits[kinds].x) for kinds in contenders}
+    looks = {kinds: view.evaluate(belief.fits[kinds].candidate, belief.fits[kinds].x) for kinds in contenders}
     if NOTHING not in looks:
-        looks[NOTHING] = view.look(EffectSet((), (), ()), np.zeros(0))
+        looks[NOTHING] = view.evaluate(EffectSet((), (), ()), np.zeros(0))
     chosen: list[int] = []
     found: list[NextRun] = []
     told = 0.0
@@ -314,9 +315,9 @@ def next_runs(
 def what_next(
     view: CatalogueView, belief: Belief, verdict: str, measurement: Measurement
 ) -> tuple[NextRun | None, str]:
-    """The next run, and a sentence where several explanations are left that no run of the menu would part.
+    """Return the next run, and a sentence if several explanations remain that no run of the menu would separate.
 
-    A bench that does not repeat is asked to repeat.
+    Without repeatability, a repetition is recommended.
     """
     if verdict == "not_repeatable":
         return repeating(measurement), ""
@@ -325,7 +326,7 @@ def what_next(
 
 
 def repeating(measurement: Measurement) -> NextRun:
-    """The longest run again, three times."""
+    """Return the longest run again, three times."""
     history = max(measurement.runs, key=len).history
     seconds = 0.0 if history.time_s is None else float(history.time_s[-1] - history.time_s[0])
     why = "only runs with the same inputs show whether the bench repeats, and what moves between them"
@@ -335,13 +336,13 @@ def repeating(measurement: Measurement) -> NextRun:
 
 
 def undecidable(belief: Belief) -> str:
-    """That several explanations are left and no run of the menu parts any of them; empty where one is left."""
+    """Return a sentence if several explanations remain and no run of the menu separates them, else an empty text."""
     contenders = belief.contenders
     return NO_RUN.format(words=_either(contenders, " and ")) if len(contenders) > 1 else ""
 
 
 def run_that_excites(view: CatalogueView, configs: Mapping[str, Sequence[EffectConfig]]) -> dict[str, str]:
-    """For each effect the run of the menu in which it changes the readings most, in words; where any does."""
+    """Return for each effect the run of the menu in which it changes the readings most, in words, if any does."""
     plain = view.readings.pack(view.predictor.evaluate().runs)
     found = {}
     for kind, effects in configs.items():
@@ -354,10 +355,10 @@ def run_that_excites(view: CatalogueView, configs: Mapping[str, Sequence[EffectC
     return found
 
 
-def information_of(fit: EffectFit, n_effective: float, square: float) -> Array:
-    """(k, k) inverse covariance of a fit's parameters: what the readings say, and the plausible ranges.
+def information_matrix(fit: EffectFit, n_effective: float, square: float) -> Array:
+    """Return (k, k) inverse covariance of a fit's parameters, from the readings and the plausible ranges.
 
-    (k + m, k + m) with the m coefficients of the law's own error behind them, where that is part of the hypothesis.
+    (k + m, k + m) with the m coefficients of the law's own error appended, if that is part of the hypothesis.
     """
     spans = np.array([high - low for low, high in (p.plausible for p in fit.candidate.parameters)])
     prior = (2.0 * NINETY / spans) ** 2
@@ -372,7 +373,7 @@ def information_of(fit: EffectFit, n_effective: float, square: float) -> Array:
 def _outcome(
     view: CatalogueView, belief: Belief, looks: Mapping[Kinds, CataloguePrediction], chosen: Sequence[int]
 ) -> ExpectedOutcome | None:
-    """What these runs together are expected to tell; None where a contender has no equilibrium in them."""
+    """Return the expected outcome of these runs together; None if a contender has no equilibrium in them."""
     rows = view.rows(chosen)
     for look in looks.values():
         rows = rows & np.isfinite(look.values) & np.isfinite(look.slopes).all(axis=1)
@@ -391,7 +392,7 @@ def _outcome(
         mean, slopes = mean * root, slopes * root[:, None]
         form = belief.thresholds.excited**2 * float(root @ root)
         form += belief.thresholds.model_form_tolerance * float(np.sum((mean - plain) ** 2))
-        known = information_of(fit, belief.n_effective, belief.square)
+        known = information_matrix(fit, belief.n_effective, belief.square)
         contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))
     return expected(contenders, belief.thresholds.temperature, belief.thresholds.believed)
 
@@ -399,10 +400,10 @@ def _outcome(
 def _ranked(
     view: CatalogueView, outcomes: Mapping[int, ExpectedOutcome], told: float, done: Collection[int]
 ) -> list[int]:
-    """Runs by what they tell per minute; those that tell less than a share of what the best one tells come later.
+    """Return runs by information per minute, after them those with less than a share of the best one's information.
 
-    A short run that hardly tells anything is no bargain. Runs that were done come last: a model that is slightly off
-    is off there in the same way again.
+    A short run with almost no information is not worthwhile. Runs that were done come last, because a slightly wrong
+    model has the same error there again.
     """
     told_now = {index: outcome.information - told for index, outcome in outcomes.items()}
     enough = TELLING * max((told_now[k] for k in told_now if k not in done), default=0.0)
@@ -414,7 +415,7 @@ def _ranked(
 
 
 def done_before(view: CatalogueView, measurement: Measurement) -> tuple[int, ...]:
-    """Places of the menu's runs whose inputs are those of a run that was measured."""
+    """Return indices of the menu's runs whose inputs are those of a run that was measured."""
     planned = [unread_run(run.history) for run in view.runs]
     n = len(measurement.runs)
     groups = repeat_groups(replace(measurement, runs=(*measurement.runs, *planned)))
@@ -442,6 +443,8 @@ def _worded(
         f"the explanations that are left predict different readings there: {_either(contenders, ' or ')}; the "
         f"verdict {after} names the right one with a chance of {whole_percent(outcome.right)}"
     )
+    if outcome.right < LIKELY:
+        why += ", so that more runs will be needed than this one"
     order = []
     for k in ranked:
         one, minutes = view.runs[k], view.runs[k].minutes

@@ -1,11 +1,11 @@
-"""How noisy the readings are once a model is taken off: floors, effective size, repeatability, drift.
+"""Noise of the readings, estimated from a model's residuals: floors, effective size, repeatability, drift.
 
-Drift: repeats that differ in proportion to what they read, because something changes over the session or the
-specimens differ. An offset between repeats is seen as scatter. A change of scale is not: it is small at small angles,
-large at large ones, and swells the floor by which everything else is weighed. For each group of repeats the difference
-of a later run from an earlier one is regressed on their mean reading; the slopes of all groups are then asked by
-Student's t whether they have one sign. The residuals of a model are used, so that what an effect explains (damage by
-the runs between) is no drift.
+Drift: repeats that differ in proportion to their readings, because something changes over the session or the specimens
+differ. An offset between repeats appears as scatter. A change of scale does not: it is small at small angles, large at
+large ones, and increases the floor against which everything else is weighed. For each group of repeats the difference
+of a later run from an earlier one is regressed on their mean reading; Student's t then tests whether the slopes of all
+groups have one sign. The residuals of a model are used, so that what an effect explains (damage by the runs between) is
+not counted as drift.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from itertools import combinations
 import numpy as np
 
 from pliant.evidence.places import Residuals, padded
-from pliant.measurements.effective import clock_of, effective_samples
+from pliant.measurements.effective import independent_readings
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
-# Mean squares below this, a thousandth of the scales, are those of data without noise.
+# Mean squares below this, the square of 0.1 % of the scales, are those of data without noise.
 LEAST_SQUARE = 1e-6
-# Groups of repeats from which on a common sign means anything, and t from which on it does.
+# Minimum number of groups of repeats for a test of a common sign, and its threshold of t.
 FEWEST, SURE = 5, 5.0
 
 
 @dataclass(frozen=True)
 class Drift:
-    """What later repeats read more than earlier ones.
+    """The difference of later repeats from earlier ones, in proportion to the reading.
 
     Attributes:
         output: its name.
         share: of the reading.
-        size: that, root mean square over the readings of repeats, in units of the floor.
+        size: of that difference, root mean square over the readings of repeats, in units of the floor.
         t: the mean slope over its standard error.
     """
 
@@ -52,19 +52,19 @@ def drift_between(
     scales: Mapping[str, float],
     groups: Sequence[RepeatGroup],
 ) -> Drift | None:
-    """The largest drift that is beyond doubt, over the outputs; None without any.
+    """Return the largest significant drift over the outputs, or None.
 
     Args:
         measurement: the runs, in the order in which they were done.
-        residuals: of the best model, per run by output (t,); repeats that are not sampled alike are left out.
+        residuals: of the best model, per run by output (t,); repeats with different sampling are left out.
         scales: floor of each output.
         groups: repeats.
     """
-    found = [_of(measurement, residuals, name, scale, groups) for name, scale in scales.items()]
+    found = [_output_drift(measurement, residuals, name, scale, groups) for name, scale in scales.items()]
     return max((one for one in found if one is not None), key=lambda one: one.size, default=None)
 
 
-def _of(
+def _output_drift(
     measurement: Measurement, residuals: Residuals, name: str, scale: float, groups: Sequence[RepeatGroup]
 ) -> Drift | None:
     found = []
@@ -87,7 +87,7 @@ def _of(
 def _slope(
     measurement: Measurement, residuals: Residuals, name: str, early: int, late: int
 ) -> tuple[float, float, int] | None:
-    """Slope of the difference of two repeats over their mean reading, Σ of squares of that reading, and how many."""
+    """Return the slope of two repeats' difference over their mean reading, Σ of that reading's squares, and count."""
     runs = (measurement.runs[early], measurement.runs[late])
     if len(runs[0]) != len(runs[1]):
         return None
@@ -101,7 +101,7 @@ def _slope(
     return (float(y @ m) / square, square, int(there.sum())) if square > 0.0 else None
 
 
-# Sources of a floor that show slow noise and offsets between runs too.
+# Sources of a floor that include slow noise and offsets between runs.
 WHOLE = ("repeats", "stated sigma")
 # The lower end of a central 90 % interval, in standard errors.
 NINETY_BELOW = 1.6449
@@ -109,16 +109,16 @@ NINETY_BELOW = 1.6449
 
 @dataclass(frozen=True)
 class NoiseView:
-    """Noise as a model's residuals show it.
+    """Noise estimated from a model's residuals.
 
     Attributes:
         floors: by output.
-        n_effective: independent readings over all outputs, coloured noise counted.
-        floor_square: mean squared noise over all outputs, in units of the scales; nan if nothing tells it.
-        judged: the floors hold slow noise and run offsets, so that an error above them is the model's.
-        between_run_scatter: how much more, at least, readings scatter between repeats than within a run: the largest
-            over outputs of between / within at the lower end of its 90 % interval; 1 without repeats.
-        drift: by how much later repeats read more than earlier ones, where that is beyond doubt.
+        n_effective: independent readings over all outputs, which accounts for autocorrelation.
+        floor_square: mean squared noise over all outputs, in units of the scales; nan if it is unknown.
+        judged: the floors include slow noise and run offsets, so that an error above them is the model's.
+        between_run_scatter: minimum ratio of the scatter between repeats to that within a run: the largest over outputs
+            of between / within at the lower end of its 90 % interval; 1 without repeats.
+        drift: difference of later repeats from earlier ones, if it is significant.
     """
 
     floors: Mapping[str, Floor]
@@ -132,7 +132,7 @@ class NoiseView:
 def noise_view(
     measurement: Measurement, residuals: Residuals, scales: Mapping[str, float], groups: Sequence[RepeatGroup]
 ) -> NoiseView:
-    """Noise from the residuals of a model: what repeats have in common is not noise.
+    """Return noise from the residuals of a model; the common part of repeats is not noise.
 
     Args:
         measurement: the runs.
@@ -143,16 +143,12 @@ def noise_view(
     residuals = padded(measurement, residuals)
     found = noise_floors(measurement, residuals, groups)
     floors = {name: floor for name, floor in found.items() if name in scales}
-    deviations = _deviations(residuals, groups)
-    counted = effective_samples(deviations, measurement)
     squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]
     shares = [sum(int(np.isfinite(run[name]).sum()) for run in residuals) for name in scales]
     between = [_between_run_scatter(floor) for floor in floors.values()]
     return NoiseView(
         floors=floors,
-        n_effective=float(
-            sum(_of_all_runs(name, counted[name], residuals, deviations, measurement) for name in scales)
-        ),
+        n_effective=sum(independent_readings(measurement, residuals, list(scales), groups).values()),
         floor_square=float(np.average(squares, weights=shares)) if any(shares) else np.nan,
         judged=all(floor.source in WHOLE for floor in floors.values()),
         between_run_scatter=max([1.0, *between]),
@@ -160,60 +156,9 @@ def noise_view(
     )
 
 
-def _of_all_runs(
-    name: str, counted: float, residuals: Residuals, deviations: Residuals, measurement: Measurement
-) -> float:
-    """Independent readings of all runs, when those of runs with repeats were counted.
-
-    A run that was done once has as many per second as the others (per reading without clocks), and not more than
-    its readings.
-    """
-    rests, seconds, used = [], 0.0, 0
-    for run, all_of, kept in zip(measurement.runs, residuals, deviations, strict=True):
-        n, m = (int(np.isfinite(values[name]).sum()) for values in (all_of, kept))
-        clock = clock_of(run)
-        span = float(clock[-1] - clock[0])
-        if m:
-            seconds, used = seconds + span, used + m
-        elif n:
-            rests.append((n, span))
-    if not rests or not used:
-        return counted
-    if seconds <= 0.0:
-        return counted * (1.0 + sum(n for n, _ in rests) / used)
-    return counted + sum(min(float(n), counted * span / seconds) for n, span in rests)
-
-
 def _between_run_scatter(floor: Floor) -> float:
-    """Scatter between repeats over that within a run, less what few repeats may show by chance."""
+    """Return the scatter between repeats over that within a run, minus what few repeats may show by chance."""
     if floor.between is None or not floor.within > 0 or not floor.value > 0:
         return 1.0
     standard_error = NINETY_BELOW * floor.se / floor.value
     return floor.between * max(1.0 - standard_error, 0.0) / floor.within
-
-
-def _deviations(
-    residuals: Sequence[Mapping[str, Array]], groups: Sequence[RepeatGroup]
-) -> list[dict[str, Array]]:
-    """Residuals less the mean of their repeats, runs without repeats as they are if there are no others.
-
-    Their correlation in time is that of the noise, whatever the model misses. A group whose runs are not
-    sampled alike is left as it is.
-    """
-    found = [dict(run) for run in residuals]
-    repeated: set[int] = set()
-    for group in groups:
-        lengths = {len(next(iter(residuals[index].values()))) for index in group.runs}
-        if len(lengths) > 1:
-            continue
-        repeated |= set(group.runs)
-        for name in residuals[0]:
-            rows = np.array([residuals[index][name] for index in group.runs])
-            there = np.isfinite(rows).sum(axis=0)
-            mean = np.where(there > 1, np.nansum(rows, axis=0) / np.maximum(there, 1), np.nan)
-            for index, row in zip(group.runs, rows, strict=True):
-                found[index][name] = (row - mean) * np.sqrt(len(rows) / (len(rows) - 1))
-    if repeated:
-        for index in set(range(len(found))) - repeated:
-            found[index] = {name: np.full_like(row, np.nan) for name, row in found[index].items()}
-    return found

@@ -21,14 +21,14 @@ QUARTERS = 4
 
 @dataclass(frozen=True, eq=False)
 class ReadingVector:
-    """Readings that are there, output by output and within each run by run.
+    """The finite readings, output by output, and run by run within each.
 
     Attributes:
         outputs: their names, in the vector's order.
         scales: noise floor of each output, in its unit.
         values: (N,) readings over their scales.
         run, output: (N,) index of the run and of the output of each.
-        fold: (N,) number of the part that is left out together: the run; with fewer than `FEWEST_FOLDS` of them,
+        fold: (N,) number of the cross-validation fold: the run; with fewer than `FEWEST_FOLDS` runs,
             quarters of each run.
     """
 
@@ -41,8 +41,10 @@ class ReadingVector:
     _masks: tuple[tuple[NDArray[np.bool_], ...], ...]
 
     @staticmethod
-    def of(measurement: Measurement, outputs: Sequence[str], scales: Mapping[str, float]) -> ReadingVector:
-        """All readings of these outputs that are finite."""
+    def from_measurement(
+        measurement: Measurement, outputs: Sequence[str], scales: Mapping[str, float]
+    ) -> ReadingVector:
+        """Return all readings of these outputs that are finite."""
         masks = tuple(tuple(np.isfinite(run.outputs[name]) for run in measurement.runs) for name in outputs)
         pieces, runs, which, quarters = [], [], [], []
         for k, name in enumerate(outputs):
@@ -66,7 +68,7 @@ class ReadingVector:
         return len(self._masks[0])
 
     def pack(self, readings: Sequence[Mapping[str, Array]]) -> Array:
-        """(N,) of readings per run by output, over their scales."""
+        """Return (N,) readings per run by output as a vector, over their scales."""
         return np.concatenate(
             [
                 readings[r][name][mask] / self.scales[name]
@@ -76,7 +78,7 @@ class ReadingVector:
         )
 
     def unpack(self, vector: Array) -> tuple[dict[str, Array], ...]:
-        """Per run by output (t,), in the outputs' units; NaN where nothing was read."""
+        """Return values per run by output (t,), in the outputs' units; NaN where nothing was read."""
         runs: tuple[dict[str, Array], ...] = tuple({} for _ in range(self.n_runs))
         at = 0
         for name, masks in zip(self.outputs, self._masks, strict=True):
@@ -88,7 +90,7 @@ class ReadingVector:
         return runs
 
 
-# An output without any floor is weighed by this share of its range.
+# An output without any floor is scaled by this share of its range.
 SHARE_OF_RANGE = 0.02
 
 
@@ -98,7 +100,7 @@ class Score:
 
     Attributes:
         rmse: by output, SI; outputs without a reading in these runs are left out.
-        over_floor: over all outputs, each in units of its floor; NaN where one is not known, or none.
+        over_floor: over all outputs, each in units of its floor; NaN if one is unknown, or without readings.
         n: readings.
     """
 
@@ -108,7 +110,7 @@ class Score:
 
 
 def score(residuals: Residuals, floors: Mapping[str, Floor], runs: Collection[int] | None = None) -> Score:
-    """The error of these runs, of all by default; readings that are missing do not count."""
+    """Return the error of these runs, of all by default; missing readings do not count."""
     chosen = range(len(residuals)) if runs is None else sorted(runs)
     series = {
         name: np.concatenate([residuals[k][name] for k in chosen] or [np.zeros(0)]) for name in residuals[0]
@@ -128,14 +130,14 @@ def score(residuals: Residuals, floors: Mapping[str, Floor], runs: Collection[in
 def readings_over_floor(
     measurement: Measurement, residuals: Residuals, groups: Sequence[RepeatGroup] | None = None
 ) -> tuple[ReadingVector, dict[str, Floor]]:
-    """Readings in units of the floor that a model's residuals show, and the floors.
+    """Return readings in units of the floor estimated from a model's residuals, and the floors.
 
-    An output is in units of a share of its range where nothing tells a floor; without a reading it is left out.
+    An output without a known floor is in units of a share of its range; without a reading it is left out.
 
     Args:
         measurement: the runs.
         residuals: of the model, per run by output (t,).
-        groups: repeats, where they are known already.
+        groups: repeats, if they are known already.
 
     Raises:
         UserError: no reading that the model has.
@@ -152,4 +154,4 @@ def readings_over_floor(
         scales[name] = value if np.isfinite(value) and value > smallest else (SHARE_OF_RANGE * span or 1.0)
     if not scales:
         raise UserError(f"{measurement.source}: no reading of {', '.join(outputs)} is there.")
-    return ReadingVector.of(measurement, tuple(scales), scales), floors
+    return ReadingVector.from_measurement(measurement, tuple(scales), scales), floors

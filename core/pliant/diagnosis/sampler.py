@@ -1,6 +1,6 @@
-"""The posterior of a fit without any approximation, by Markov chains: what Laplace's is checked against.
+"""Sampling of a fit's posterior by Markov chains, without any approximation: a check of Laplace's.
 
-emcee's affine-invariant ensemble (Foreman-Mackey, Hogg, Lang & Goodman, Publ. Astron. Soc. Pac. 125, 2013) walks over
+emcee's affine-invariant ensemble (Foreman-Mackey, Hogg, Lang & Goodman, Publ. Astron. Soc. Pac. 125, 2013) samples the
 likelihood times prior of `posterior.py`, within the parameters' bounds.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.exploration import MOST_LOST, log_density
 from pliant.diagnosis.fitting import Fitter
-from pliant.diagnosis.posterior import posterior_of
+from pliant.diagnosis.posterior import laplace_posterior
 from pliant.diagnosis.uncertainty import square_per_reading
 from pliant.errors import MissingDependencyError
 from pliant.records.design import Array
@@ -24,7 +24,7 @@ BURN_IN = 0.25
 
 @dataclass(frozen=True, eq=False)
 class SampledPosterior:
-    """Samples (m, k) of x after the burn-in, and how many independent ones they are worth (the worst parameter)."""
+    """Samples (m, k) of x after the burn-in, and their effective sample size (of the worst parameter)."""
 
     x: Array
     worth: float
@@ -36,8 +36,8 @@ def sample_posterior(
     """Sample the posterior of a fit.
 
     Args:
-        fitter, fit, n_effective: as for `posterior_of`.
-        steps: of each walker, a quarter of them burnt in.
+        fitter, fit, n_effective: as for `laplace_posterior`.
+        steps: of each walker, a quarter of them as burn-in.
         seed: of the walk.
 
     Raises:
@@ -50,7 +50,7 @@ def sample_posterior(
             "sampling a posterior needs emcee; install it with: pip install 'pliant[posterior]'"
         ) from None
     scale = square_per_reading(fitter.weights, fit, n_effective)
-    laplace = posterior_of(fit, fitter.weights, n_effective)
+    laplace = laplace_posterior(fit, fitter.weights, n_effective)
     low, high = fit.candidate.limits()
     model = fitter.predictor.refined(fit.parts)
 

@@ -1,4 +1,4 @@
-"""How single readings scatter about a fitted model: the noise, and what the fit left."""
+"""Scatter of single readings about a fitted model: the noise, and the residuals of the fit."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from pliant.records.design import Array
 
 @dataclass(frozen=True)
 class ReadingScatter:
-    """How single readings of one output lie about a fitted model, standard deviations in its SI unit.
+    """The scatter of single readings of one output about a fitted model, standard deviations in its SI unit.
 
     Attributes:
-        floor: the noise floor; 0 where nothing tells it.
-        left: root mean square of the fit's residuals, its parameters counted.
+        floor: the noise floor; 0 if it is unknown.
+        left: root mean square of the fit's residuals, corrected for its parameters.
     """
 
     floor: float
     left: float
 
 
-def scatter_of(
+def reading_scatter(
     noise: NoiseView, residuals: Sequence[Mapping[str, Array]], fitted: int
 ) -> dict[str, ReadingScatter]:
-    """Of a fit of so many parameters, which count against the independent readings of all outputs together.
+    """Return the scatter of a fit; its parameters are subtracted from the independent readings of all outputs.
 
     Args:
-        noise: as the fit's residuals show it.
+        noise: estimated from the fit's residuals.
         residuals: of the fit, per run by output (t,), SI.
-        fitted: parameters.
+        fitted: number of parameters.
     """
     more = float(np.sqrt(noise.n_effective / max(noise.n_effective - fitted, 1.0)))
     found = {}

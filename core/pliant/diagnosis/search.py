@@ -1,19 +1,20 @@
-"""Which hypotheses are fitted: nothing, every single effect, and larger sets as far as the data ask for them.
+"""Search over hypotheses: none, every single effect, and larger sets as far as the data require them.
 
-Near where it was fitted alone, and near its plausible end, an effect changes the readings along a few directions: its
-change there and its slopes. What a set could explain of a residual is, to first order, the regression of the residual
-on the directions of its effects (Rao's score test, 1948, for all subsets at once as in Furnival & Wilson,
-Technometrics 16, 1974). Of all sets of two effects, then of three, those that promise most by this superposition are
-fitted with the physics in the loop, and the best single with what helps it most. Directions may add up only beyond
-first order: each leading single is also tried with every other effect beside it, by one bounded step from where both
-act. The best set's effects are exchanged in turn, and its subsets are fitted too, so that an effect that has become
-idle drops out (Miller, Subset Selection in Regression, 2002).
+Near its single fit, and near its plausible end, an effect changes the readings along a few directions: its change there
+and its slopes. The part of a residual that a set could explain is, to first order, the regression of the residual on
+the directions of its effects (Rao's score test, 1948, for all subsets at once as in Furnival & Wilson, Technometrics
+16, 1974). Of all sets of two effects, then of three, the most promising by this superposition are fitted with the
+physics in the loop, and the best single with its best partners. Directions may add up only beyond first order: each
+leading single is also tried with every other effect, by one bounded step from where both act. An effect that the law's
+own error imitates has no promise in addition to it, but may still be present: the leading singles are also fitted with
+each such effect. The best set's effects are exchanged in turn, and its subsets are fitted too, so that an effect that
+has become idle is dropped (Miller, Subset Selection in Regression, 2002).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ from pliant.diagnosis.evidence_table import (
 )
 from pliant.diagnosis.excitation import Excitation
 from pliant.diagnosis.fitting import MOST_LOST, Fitter
-from pliant.diagnosis.left_out import condition_of_runs, heldout_residual
+from pliant.diagnosis.left_out import condition_indices, heldout_residual
 from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
 from pliant.diagnosis.readings import ReadingVector
 from pliant.execution.executors import Executor, InlineExecutor
@@ -46,16 +47,21 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
 MOST_EFFECTS = 3
-# Of all sets of one size, so many that promise most are fitted; of the neighbours of the best one, so many each.
+# Number of most promising sets of one size that are fitted; and of each kind of neighbours of the best one.
 SCREENED = 10
 EXCHANGED = 3
-# So many singles that lead are tried with every other effect beside them.
+# Number of leading singles that are tried with every other effect.
 PAIRED = 10
-# So many sets that lead their size are asked whether a relative of their equations fits better.
+# Number of leading sets of their size whose forms are varied.
 BENT, BENT_LARGER = 5, 2
-# A hypothesis with so much less log-evidence than the best is not made more exact.
+# Number of leading singles, within this log-evidence of the best, that are fitted with each effect imitated by the
+# law's own error, which leaves at most this share of its squares.
+BESIDE_LAW, NEAR_BEST, LEFT_BY_LAW = 3, 14.0, 0.2
+# Log-odds that such an effect costs: the law's own error says the same without it.
+IMITATED_PRICE = 8.0
+# A hypothesis with this much less log-evidence than the best is not refined.
 OUT_OF_REACH = 30.0
-# Steps from sample to sample in which larger sets are screened.
+# Steps from sample to sample for screening larger sets.
 SCREENING_STEPS = 2
 
 Tick = Callable[[str], None]
@@ -63,7 +69,7 @@ Tick = Callable[[str], None]
 
 @dataclass(eq=False)
 class HypothesisSearch:
-    """Fits hypotheses, as many at a time as the executor does, and keeps them."""
+    """A search that fits hypotheses, as many at a time as the executor does, and caches them."""
 
     registry: Registry
     measurement: Measurement
@@ -80,22 +86,47 @@ class HypothesisSearch:
         self.groups: tuple[RepeatGroup, ...] = repeat_groups(self.measurement)
         repeats = [group.runs for group in self.groups]
         self._noise: tuple[EffectFit, NoiseView] | None = None
-        self.condition = condition_of_runs(len(self.measurement.runs), repeats)
+        self._imitated: set[Kinds] = set()  # sets with an effect that the law's own error imitates
+        self.condition = condition_indices(len(self.measurement.runs), repeats)
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
-        """The table of everything that was worth fitting among these kinds."""
+        """Return the table of all hypotheses fitted among these kinds."""
         self._fit([NOTHING])
         self._fit([(kind,) for kind in kinds])
-        self._bend([(kind,) for kind in kinds])
+        self._fit_shape_variants([(kind,) for kind in kinds])
         current = self._best([key for key in self.fits if len(key) <= 1])
         if room_above_floor(self.table(), current, self.thresholds):
             whitened = self.fitter.whitened
-            self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST, whitened), len(kinds))
+            directions = Directions.from_fits(self._felt(kinds), self.fits, self.shown, MOST_LOST, whitened)
+            self._forward_step(directions, len(kinds))
+        self._fit_beside_law(self._felt(kinds))
         self._weigh_law_errors()
         return self.table()
 
+    def _felt(self, kinds: Sequence[str]) -> list[str]:
+        """Return the kinds that change some reading: a set with another one says the same without it."""
+        return [kind for kind in kinds if self.shown[kind].change.any() or self.fits[(kind,)].slopes.any()]
+
+    def _fit_beside_law(self, kinds: Sequence[str]) -> None:
+        """Fit each leading single effect with each effect that the law's own error imitates."""
+        imitated = [kind for kind in kinds if self._is_imitated(self.shown[kind].change)]
+        evidence = log_evidence(self.table(), self.thresholds)
+        least = max(evidence.values()) - NEAR_BEST
+        near = [key for key in self.fits if len(key) == 1 and evidence[key] > least]
+        for best in sorted(near, key=lambda key: -evidence[key])[:BESIDE_LAW]:
+            sets = [sorted_kinds((*best, kind)) for kind in imitated if kind not in best]
+            self._imitated |= {kinds for kinds in sets if kinds not in self.fits}
+            self._fit(sets, near=best)
+
+    def _is_imitated(self, change: Array) -> bool:
+        """Return whether the law's own error explains most of a change (N,) of the readings."""
+        if self.fitter.law is None or not np.isfinite(change).all():
+            return False
+        left = self.fitter.whitened(change)
+        return float(left @ left) < LEFT_BY_LAW * float(change @ change)
+
     def _weigh_law_errors(self) -> None:
-        """Estimate the law's error of every fit again, for the noise that is known now."""
+        """Estimate the law's error of every fit again, for the present noise."""
         law = self.fitter.law
         if law is None:
             return
@@ -105,7 +136,7 @@ class HypothesisSearch:
             self._keep(kinds, fit.with_law(law.prior, n), self.rows[kinds].form_price)
 
     def table(self) -> EvidenceTable:
-        """The rows so far, against the noise that the best of them leaves."""
+        """Return the rows so far, against the noise estimated from the best of them."""
         best = min(self.rows.values(), key=lambda row: row.mean_square)
         count = np.bincount(self.condition[self.readings.run])
         shares = tuple((count[count > 0] / len(self.readings)).tolist())
@@ -113,15 +144,15 @@ class HypothesisSearch:
         return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, self.fitter.law is not None)
 
     def noise(self, fit: EffectFit) -> NoiseView:
-        """Noise as the residuals of a fit show it; that of the last one is kept, for the best fit is often the same."""
+        """Return noise from the residuals of a fit; the last one is cached, because the best fit is often the same."""
         if self._noise is None or self._noise[0] is not fit:
             residuals = self.readings.unpack(fit.residual)
             found = noise_view(self.measurement, residuals, self.readings.scales, self.groups)
             self._noise = fit, found
         return self._noise[1]
 
-    def _grow(self, directions: Directions, n_kinds: int) -> None:
-        """Sets of two and more effects, while the best of a size is better than what is smaller and may be bettered."""
+    def _forward_step(self, directions: Directions, n_kinds: int) -> None:
+        """Fit sets of two and more effects, while the best of a size improves on smaller ones and may be improved."""
         plain = self.fitter.whitened(self.fits[NOTHING].raw)
         for size in range(2, min(MOST_EFFECTS, n_kinds) + 1):
             before = self._best([key for key in self.fits if len(key) < size])
@@ -133,23 +164,25 @@ class HypothesisSearch:
             if not sets:
                 return
             self._fit(sets)
-            best = self._exchanged(self._best(sets), directions)
+            best = self._swap_terms(self._best(sets), directions)
             self._fit([tuple(kind for kind in best if kind != left) for left in best], near=best)
-            best = self._best([best, *self._bend(sets)])
+            best = self._best([best, *self._fit_shape_variants(sets)])
             if not self._pays(best, before) or not room_above_floor(self.table(), best, self.thresholds):
                 return
 
-    def _bend(self, sets: Sequence[Kinds]) -> list[Kinds]:
-        """Let the forms of the leading sets vary, and keep those that pay for it; returns the leading sets."""
+    def _fit_shape_variants(self, sets: Sequence[Kinds]) -> list[Kinds]:
+        """Let the forms of the leading sets vary, and keep those that pay for it; return the leading sets."""
         table, plain = self.table(), self.rows[NOTHING].mean_square
         evidence = log_evidence(table, self.thresholds)
         gaining = [kinds for kinds in dict.fromkeys(sets) if self.rows[kinds].mean_square < plain]
         most = BENT if all(len(kinds) == 1 for kinds in sets) else BENT_LARGER
         leading = sorted(gaining, key=lambda kinds: -evidence[kinds])[:most]
         tried = [
-            kinds for kinds in leading if len(kinds) > 1 or EffectSet.of(self.registry, kinds, kinds).forms
+            kinds
+            for kinds in leading
+            if len(kinds) > 1 or EffectSet.from_kinds(self.registry, kinds, kinds).forms
         ]
-        asked = [EffectSet.of(self.registry, kinds, kinds) for kinds in tried]
+        asked = [EffectSet.from_kinds(self.registry, kinds, kinds) for kinds in tried]
         starts = [one.starts(self.fits[kinds].named)[:1] for one, kinds in zip(asked, tried, strict=True)]
         jobs = zip(asked, starts, map(self._steps, tried), strict=True)
         found = dict(zip(tried, self._fitted([(*job, False) for job in jobs]), strict=True))
@@ -158,10 +191,11 @@ class HypothesisSearch:
         kept = [kinds for kinds in tried if self._keep_if_it_pays(kinds, found[kinds], n)]
         evidence = log_evidence(self.table(), self.thresholds)
         least = max(evidence.values()) - OUT_OF_REACH
-        # In finer steps those alone that may still lead: a rate may ask for many.
+        # Only those that may still lead are refined: a rate may need many steps.
         near = [kinds for kinds in kept if evidence[kinds] > least]
-        again = [(found[kinds].candidate, [found[kinds].x], found[kinds].parts, True) for kinds in near]
-        for kinds, fit in zip(near, self._fitted(again), strict=True):
+        with JobQueue(self.executor, self.fitter.refined_from) as queue:
+            again = [one.unwrap() for one in queue.each([found[kinds] for kinds in near])]
+        for kinds, fit in zip(near, again, strict=True):
             self.fits[kinds], self.rows[kinds] = plain_ones[kinds]
             self._keep_if_it_pays(kinds, fit, n)
         for kinds in tried:
@@ -169,12 +203,12 @@ class HypothesisSearch:
         return leading
 
     def _fitted(self, jobs: Sequence[tuple[EffectSet, list[Array], int, bool]]) -> list[EffectFit]:
-        """Fits of these jobs, in their order."""
+        """Return the fits of these jobs, in their order."""
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
             return [one.unwrap() for one in queue.each(jobs)]
 
     def _keep_if_it_pays(self, kinds: Kinds, fit: EffectFit, n_effective: float) -> bool:
-        """Keep a fit with forms where it gains more over the set's row than they cost; whether it does."""
+        """Keep a fit with forms if it gains more over the set's row than its penalty; return whether it does."""
         price = form_price(fit, n_effective)
         squares = (self.rows[kinds].mean_square, fit.mean_square())
         before, after = (max(square, LEAST_SQUARE) for square in squares)
@@ -185,7 +219,7 @@ class HypothesisSearch:
         return True
 
     def _pairs(self, kinds: Sequence[str]) -> list[Kinds]:
-        """The pairs with a leading single that promise most by one step from where both effects act."""
+        """Return the most promising pairs with a leading single, by one step from where both effects act."""
         evidence = log_evidence(self.table(), self.thresholds)
         singles = [(kind,) for kind in kinds if np.isfinite(self.rows[(kind,)].mean_square)]
         leading = sorted(singles, key=lambda key: -evidence[key])[:PAIRED]
@@ -194,7 +228,7 @@ class HypothesisSearch:
         )
         jobs = []
         for pair in pairs:
-            candidate = EffectSet.of(self.registry, pair)
+            candidate = EffectSet.from_kinds(self.registry, pair)
             known = {k: v for one in leading if set(one) < set(pair) for k, v in self.fits[one].named.items()}
             jobs.append((candidate, candidate.starts(known)[0], 1))
         with JobQueue(self.executor, self.fitter.promise_from) as queue:
@@ -203,7 +237,7 @@ class HypothesisSearch:
         return [pairs[k] for k in ranked[:SCREENED] if np.isfinite(costs[k])]
 
     def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
-        """The base with each of the kinds that promise most beside it, its own parameters free to follow."""
+        """Return the base with each of the most promising further kinds, its own parameters being refitted."""
         fit = self.fits[base]
         if not np.all(np.isfinite(fit.residual)):
             return []
@@ -211,16 +245,16 @@ class HypothesisSearch:
         found = directions.next_to(white[:, 0], white[:, 1:], base, EXCHANGED)
         return [sorted_kinds((*base, kind)) for kind in found]
 
-    def _exchanged(self, best: Kinds, directions: Directions) -> Kinds:
-        """The set with each of its effects exchanged in turn while that helps."""
+    def _swap_terms(self, best: Kinds, directions: Directions) -> Kinds:
+        """Return the set with each of its effects exchanged in turn while that helps."""
         for out in tuple(best):
             if out not in best:
                 continue
             rest = tuple(kind for kind in best if kind != out)
-            part = EffectSet.of(self.registry, rest, set(rest) & set(self.fits[best].candidate.forms))
+            part = EffectSet.from_kinds(self.registry, rest, set(rest) & set(self.fits[best].candidate.forms))
             known = self.fits[best].named
             x = np.array([known[parameter.name] for parameter in part.parameters])
-            looked = self.fitter.look(part, x, self.fits[best].parts)
+            looked = self.fitter.evaluate(part, x, self.fits[best].parts)
             if not np.all(np.isfinite(looked.residual)):
                 continue
             white = looked.whitened(np.column_stack([looked.raw, looked.slopes]))
@@ -239,9 +273,9 @@ class HypothesisSearch:
         return max(among, key=lambda kinds: evidence[kinds])
 
     def _fit(self, sets: Sequence[Kinds], near: Kinds | None = None) -> None:
-        """Fit those of the sets that are new; where each begins does not depend on the others."""
+        """Fit those of the sets that are new; the start of each does not depend on the others."""
         new = [kinds for kinds in dict.fromkeys(sets) if kinds not in self.fits]
-        asked = [EffectSet.of(self.registry, kinds, self._bent(kinds)) for kinds in new]
+        asked = [EffectSet.from_kinds(self.registry, kinds, self._bent(kinds)) for kinds in new]
         starts = [self._starts(candidate, near) for candidate in asked]
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
             done = queue.each([self._job(*one) for one in zip(asked, starts, strict=True)])
@@ -252,27 +286,28 @@ class HypothesisSearch:
                 self.tick(" + ".join(kinds) or "nothing")
 
     def _job(self, candidate: EffectSet, starts: list[Array]) -> tuple[EffectSet, list[Array], int, bool]:
-        """Larger sets in few steps from sample to sample at first; those that lead their size are refined after it."""
+        """Return the job of a candidate: larger sets start with few steps, and are refined later if they lead."""
         steps, large = self._steps(candidate.kinds), len(candidate.kinds) > 1
         return candidate, starts, min(steps, SCREENING_STEPS) if large else steps, not large
 
     def _keep(self, kinds: Kinds, fit: EffectFit, price: float) -> None:
         self.fits[kinds] = fit
         plain = self.fits[NOTHING].residual
-        self.rows[kinds] = _row(kinds, fit, plain, self.readings, self.condition, price)
+        row = _row(kinds, fit, plain, self.readings, self.condition, price)
+        self.rows[kinds] = replace(row, imitated_price=IMITATED_PRICE) if kinds in self._imitated else row
 
     def _bent(self, kinds: Kinds) -> list[str]:
-        """Those of these kinds that, each by itself, had not the plain form."""
+        """Return the kinds whose single fits do not have the plain form."""
         return [kind for kind in kinds if (kind,) in self.fits and self.fits[(kind,)].candidate.forms]
 
     def _steps(self, kinds: Kinds) -> int:
-        """Steps from sample to sample that its effects, each by itself, were found to need."""
+        """Return the steps from sample to sample that the single fits of its effects needed."""
         return max(
             [1, *(self.fits[part].parts for part in (NOTHING, *((k,) for k in kinds)) if part in self.fits)]
         )
 
     def _starts(self, candidate: EffectSet, near: Kinds | None) -> list[Array]:
-        """Near a fitted set, or near each effect as it was fitted alone and near all of them."""
+        """Return starts near a fitted set, or near each effect's single fit and near all of them."""
         if near is not None:
             return candidate.starts(self.fits[near].named)
         alone = [self.fits[(kind,)].named for kind in candidate.kinds if (kind,) in self.fits]
@@ -283,11 +318,11 @@ class HypothesisSearch:
 
 
 def form_price(fit: EffectFit, n_effective: float) -> float:
-    """Log-odds that free forms cost: their prior at the fit, and Occam's factor of what the readings know of them.
+    """Return the log-odds penalty of free forms: their prior at the fit, and Occam's factor of their information.
 
     With A = JᵀJ n_eff / (N s²) and D the prior's weights, ½ Σ D x² + ½ ln det (I + D⁻¹ A_ff·o), A_ff·o the information
     on the forms with all else refitted: the ratio of the evidence integral to the likelihood at its top (Laplace;
-    MacKay, Neural Computation 4, 1992). A form that nobody feels costs nothing.
+    MacKay, Neural Computation 4, 1992). A form without influence costs nothing.
     """
     if not np.isfinite(fit.slopes).all():
         return np.inf

@@ -1,14 +1,14 @@
-"""A smooth curve from the slopes of its values: ridge by marginal likelihood, judged on runs left out.
+"""Smooth curves from the slopes of their values: ridge by marginal likelihood, judged on left-out runs.
 
 Residuals r (N,) are in units of the noise floor, J (N, K) their slopes by the values v at the knots of a curve. With
-N readings worth n_eff independent ones of mean square σ²,
+N readings equivalent to n_eff independent ones of mean square σ²,
 
     v ~ N(0, s² C_ℓ),      r | v ~ N(J v, σ² N/n_eff)
 
-C_ℓ the squared exponential of the knots' distances over ℓ. Size s and length ℓ are those at which the data are most
-likely with v integrated out (MacKay, Neural Comput. 4, 1992), σ² the noise floor's or, where the curve leaves more,
-what it leaves. The posterior N(m, V) has the error bars. Without a group of readings the mean follows from sums over
-the others; nothing is fitted anew.
+C_ℓ the squared exponential of the knots' distances over ℓ. Size s and length ℓ maximize the likelihood with v
+integrated out (MacKay, Neural Comput. 4, 1992), σ² is the noise floor's or, if larger, the curve's mean squared
+residual. The posterior N(m, V) has the error bars. Without a group of readings the mean follows from sums over the
+others, without a refit.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pliant.mechanics.learned_curve import CurveAxis
 from pliant.records.design import Array
 
-# Lengths over which a curve may change, as shares of its range; of the second covariate of a surface only long ones.
+# Correlation lengths of a curve, as shares of its range; only long ones for the second covariate of a surface.
 LENGTHS = (0.04, 0.08, 0.15, 0.3, 0.6, 1.5)
 SECOND_LENGTHS = (0.4, 1.5)
 SIZES = np.logspace(-1.5, 4.0, 12)
@@ -41,8 +41,8 @@ class Sums:
     count: Array
 
     @staticmethod
-    def of(slopes: Array, residual: Array, groups: NDArray[np.intp]) -> Sums:
-        """Sums over the readings of each group number that occurs."""
+    def from_residuals(slopes: Array, residual: Array, groups: NDArray[np.intp]) -> Sums:
+        """Return sums over the readings of each group number that occurs."""
         rows = [np.flatnonzero(groups == g) for g in np.unique(groups)]
         return Sums(
             np.array([slopes[k].T @ slopes[k] for k in rows]),
@@ -54,7 +54,7 @@ class Sums:
 
 @dataclass(frozen=True, eq=False)
 class CurvePrior:
-    """Size and length of a curve, with what a reading weighs beside it.
+    """Size and length of a curve, with the weight of a reading relative to it.
 
     Attributes:
         factor: (K, K) lower Cholesky factor of s² C_ℓ.
@@ -67,9 +67,9 @@ class CurvePrior:
     lengths: tuple[float, ...]
 
     def posterior(self, gram: Array, right: Array) -> tuple[Array, Array]:
-        """Mean (K,) and covariance (K, K) of the values.
+        """Return mean (K,) and covariance (K, K) of the values.
 
-        By eigenvalues: where slopes are steep, rounding leaves some of them below zero.
+        Eigenvalues are used because rounding makes some of them negative if slopes are steep.
         """
         known, ways = np.linalg.eigh(self.weight * self.factor.T @ gram @ self.factor)
         half = (self.factor @ ways) / np.sqrt(1.0 + np.maximum(known, 0.0))
@@ -77,14 +77,14 @@ class CurvePrior:
         return self.weight * covariance @ right, covariance
 
     def freedom(self, gram: Array) -> float:
-        """Effective number of values that the readings decide."""
+        """Return the effective number of values that the readings determine."""
         return float(np.trace(self.weight * self.posterior(gram, np.zeros(len(gram)))[1] @ gram))
 
 
 def most_likely(
     axes: Sequence[CurveAxis], sums: Sums, n_effective: float, floor_square: float
 ) -> CurvePrior | None:
-    """The prior under which the readings are most likely; None where the curve moves no reading, or one without end."""
+    """Return the prior with the highest likelihood; None if the curve changes no reading, or one infinitely."""
     gram, right, n = sums.gram.sum(axis=0), sums.right.sum(axis=0), float(sums.count.sum())
     if not 0.0 < np.trace(gram) < np.inf:
         return None
@@ -103,7 +103,7 @@ def most_likely(
 def _priors(
     axes: Sequence[CurveAxis], gram: Array, right: Array, weight: float
 ) -> Iterator[tuple[float, CurvePrior]]:
-    """Log evidence, up to a constant, and prior of every length and size."""
+    """Yield log evidence, up to a constant, and prior of every length and size."""
     options = [
         [length for length in (LENGTHS if k == 0 else SECOND_LENGTHS) if length * (axis.knots - 1) > 0.5]
         for k, axis in enumerate(axes)
@@ -134,18 +134,18 @@ class LinearModel:
 
     @property
     def aim(self) -> Array:
-        """(N,) what the whole curve should change, to first order."""
+        """Return (N,) the change that the whole curve should make, to first order."""
         return self.residual + self.slopes @ self.value
 
 
 def left_out(prior: CurvePrior, models: Sequence[LinearModel], groups: NDArray[np.intp]) -> Array:
-    """(N,) residual of each reading, the curve's values known from the other groups only.
+    """Return (N,) residual of each reading, with the curve's values estimated from the other groups only.
 
-    Values come from the last of the models, and predict by the one that they are nearest to: without the only group
-    that shows a curve it is nearly gone, and the model about no curve tells what is left.
+    Values come from the last of the models, and predictions from the model nearest to them: without the only group that
+    shows a curve the curve almost vanishes, and the model about no curve is used.
     """
     last = models[-1]
-    sums = Sums.of(last.slopes, last.aim, groups)
+    sums = Sums.from_residuals(last.slopes, last.aim, groups)
     gram, right = sums.gram.sum(axis=0), sums.right.sum(axis=0)
     left = np.zeros(len(last.residual))
     for k, group in enumerate(np.unique(groups)):

@@ -1,9 +1,9 @@
-"""Steps of an improvement: what was added, and what to add next, by name or because it predicts better.
+"""Steps of an improvement: what was added, and what to add next, by name or for a better prediction.
 
-Where no single explanation is credible enough, effects are exchanged for each other if two credible hypotheses are
-alike but for them and the runs can hardly tell them apart. If nearly all probability lies on hypotheses with some
-member of such a group, an effect of that kind is missing although nobody knows which: one member may stand for the
-group in a model that is needed today.
+If no single explanation is credible enough, effects are interchangeable if two credible hypotheses differ only in them
+and the runs can hardly distinguish them. If nearly all probability is on hypotheses with some member of such a group,
+an effect of that kind is missing although it is unknown which: one member may represent the group in a model that is
+needed today.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.readings import Score
 from pliant.diagnosis.test_split import TrainTestSplit
-from pliant.diagnosis.unseen import best_of, best_prediction
+from pliant.diagnosis.unseen import best_prediction, best_single_effect
 from pliant.evidence.excess import Excess
-from pliant.formatting import unit_of
+from pliant.formatting import output_unit
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
 from pliant.registry.discovery import Registry
@@ -46,7 +46,7 @@ class SharedEffect:
 
     Attributes:
         chosen: the member to take.
-        stands_for: all members, the most probable first; one where the hypotheses agree on an effect.
+        stands_for: all members, the most probable first; one if the hypotheses agree on an effect.
         probability: of all hypotheses with a member.
     """
 
@@ -61,14 +61,14 @@ def shared_effects(
     at_bound: Mapping[Kinds, frozenset[str]],
     thresholds: EvidenceThresholds,
 ) -> SharedEffect | None:
-    """The group that is most probable; None where no group is believed, or one hypothesis is credible alone.
+    """Return the most probable group; None if no group is believed, or one hypothesis alone is credible.
 
     Args:
         probability: of every hypothesis, the largest first.
-        alike: pairs of kinds that these runs can hardly tell apart.
-        at_bound: for hypotheses, the effects of which a shape ended on a bound. Such a member is chosen only where all
+        alike: pairs of kinds that these runs can hardly distinguish.
+        at_bound: for hypotheses, the effects of which a shape ended on a bound. Such a member is chosen only if all
             others are, too.
-        thresholds: `believed` is the least probability of a group; "nothing" and "outside the list" must hold less than
+        thresholds: `believed` is the least probability of a group; "nothing" and "outside the list" must have less than
             the rest together.
     """
     doubt = probability.get(NOTHING, 0.0) + probability.get(UNKNOWN, 0.0)
@@ -90,9 +90,9 @@ def shared_effects(
 
 
 def shapes_at_bound(fits: Mapping[Kinds, EffectFit]) -> dict[Kinds, frozenset[str]]:
-    """For each fitted hypothesis the effects of which a parameter other than the strength ended on a bound.
+    """Return for each fitted hypothesis the effects with a parameter, other than the strength, on a bound.
 
-    A bound at which the effect is merely a simpler one, such as a supply with one volume, is none.
+    A bound at which the effect only reduces to a simpler one, such as a supply with one volume, does not count.
     """
     found = {}
     for kinds, fit in fits.items():
@@ -104,13 +104,13 @@ def shapes_at_bound(fits: Mapping[Kinds, EffectFit]) -> dict[Kinds, frozenset[st
 
 
 def _simpler(parameter: FitParameter, x: float) -> bool:
-    """Whether the parameter stands at a value at which its effect is declared to be a simpler one."""
+    """Return whether the parameter has a value at which its effect is declared to be a simpler one."""
     value = parameter.value(float(x))
     return any(math.isclose(value, at, rel_tol=1e-3) for at, _ in parameter.declared.simpler)
 
 
 def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> list[frozenset[str]]:
-    """Kinds joined by exchanges, directly or over others; each kind of a credible hypothesis is in one."""
+    """Return groups of kinds joined by exchanges, directly or not; each kind of a credible hypothesis is in one."""
     groups = [frozenset((kind,)) for kind in sorted({kind for kinds in credible for kind in kinds})]
     for pair in {frozenset(a) ^ frozenset(b) for a in credible for b in credible if len(a) == len(b)}:
         if len(pair) == 2 and pair in alike:
@@ -119,22 +119,22 @@ def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> l
     return groups
 
 
-# Effects that would predict as well are named up to so many.
+# Maximum number of named effects that would predict as well.
 MOST_ALIKE = 4
-# How a step came about: see `StepProposal`.
+# Origin of a step: see `StepProposal`.
 Cause = Literal["", "named", "class", "open", "learned", "law"]
 
 
 @dataclass(frozen=True, eq=False)
 class StepProposal:
-    """What to add next.
+    """The next addition to the model.
 
     Attributes:
-        found: the diagnosis that it rests on.
-        order: kinds, the one first that explains most.
-        stands_for: look-alikes of which it is one, itself included; empty where the verdict is the effect itself.
+        found: the diagnosis on which it is based.
+        order: kinds, the one that explains most first.
+        stands_for: look-alikes that it represents, itself included; empty if the verdict is the effect itself.
         cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is.
-        shared: what the credible explanations agree on, where none is believed by itself.
+        shared: what the credible explanations agree on, if none is believed alone.
     """
 
     found: Diagnosis
@@ -145,14 +145,14 @@ class StepProposal:
 
     @property
     def forms(self) -> Kinds:
-        """Those of the kinds whose forms vary in the diagnosis."""
+        """Return the kinds whose forms vary in the diagnosis."""
         fits = self.found.fits
         whole = fits.get(sorted_kinds(self.order))
         looked = [whole] if whole is not None else [fits[(kind,)] for kind in self.order if (kind,) in fits]
         return tuple(kind for kind in self.order if any(kind in fit.candidate.forms for fit in looked))
 
     def why(self, kind: str, registry: Registry) -> str:
-        """Why this one of its kinds, in sentences."""
+        """Return why this one of its kinds is added, in sentences."""
         if self.shared is not None:
             return _standing_in(self.shared, self.found)
         component = registry.get("effect", kind)
@@ -171,20 +171,20 @@ class StepProposal:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One model on the way.
+    """One model of the improvement.
 
     Attributes:
-        added: the effects of this step; empty for the model as it was.
+        added: the effects of this step; empty for the original model.
         effects: all effects of the model.
         why: the reason for this step, and where the model is still wrong after it, in sentences.
-        locked: error on the runs put aside.
-        locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
-        unseen: that of those of them whose condition is in no training run; None without such.
+        locked: error on the test runs.
+        locked_se: standard error of its ratio to the floor, from the floor's and from the number of runs.
+        unseen: that of the test runs whose condition is in no training run; None without such.
         training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
-        stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
-            which; empty where the verdict was the effect itself.
+        stands_for: look-alikes that the added effect represents, itself included, if the data could not distinguish
+            them; empty if the verdict was the effect itself.
         cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is;
-            `learned`: it describes what is left; `law`: it corrects the law; empty for the model as it was.
+            `learned`: it describes the remaining error; `law`: it corrects the law; empty for the original model.
         learned: the learned term of this step; None for effects.
     """
 
@@ -201,7 +201,7 @@ class Step:
 
     @property
     def named(self) -> str:
-        """What was added, with the look-alikes that it stands for; empty for the model as it was."""
+        """Return what was added, with the look-alikes that it represents; empty for the original model."""
         if self.learned is not None:
             return "the law's own error" if self.cause == "law" else "a learned term"
         others = [kind for kind in self.stands_for if kind not in self.added]
@@ -210,18 +210,18 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Improvement:
-    """The whole way.
+    """The result of an improvement.
 
     Attributes:
-        steps: the model as it was, then one entry per effect.
+        steps: the original model, then one entry per effect.
         stop: the last verdict, or `no_gain`, `same_effect`, `most_steps`.
         reason: why it stopped, in sentences.
-        locked: what was put aside.
+        locked: the division into training and test runs.
         floors: by output, of all runs.
-        final: the last fit, with its uncertainty; None where no effect was added.
-        remarks: what limits the result, in sentences.
-        next_run: what the last diagnosis proposes to measure.
-        bands: of the last model on all runs; None where no effect was added, or a learned term behind them.
+        final: the last fit, with its uncertainty; None if no effect was added.
+        remarks: limitations of the result, in sentences.
+        next_run: the measurement proposed by the last diagnosis.
+        bands: of the last model on all runs; None if no effect was added, or if a learned term follows them.
     """
 
     steps: tuple[Step, ...]
@@ -237,30 +237,32 @@ class Improvement:
 
     @property
     def learned(self) -> LearnedTerm | None:
-        """The learned term of the last step, if it is one."""
+        """Return the learned term of the last step, if it is one."""
         return self.steps[-1].learned
 
     @property
     def scored_on(self) -> str:
-        """Which readings the errors of the steps are of."""
+        """Return which readings the errors of the steps refer to."""
         if self.locked.runs:
-            return "runs put aside"
+            return "runs held out"
         return "runs left out" if len(self.locked.training.runs) > 1 else "blocks left out"
 
 
 def change_in_words(before: Score, after: Score, se: float = math.nan) -> str:
-    """How an error changes, over the noise where that is known (`se` of the second ratio): ``from 2.05 to 1.28 ±
-    0.10 times the noise``; by its first output otherwise: ``from 0.90° to 0.10° rms in bend angle``.
+    """Return the change of an error in words.
+
+    Over the noise if that is known (`se` of the second ratio): ``from 2.05 to 1.28 ± 0.10 times the noise``; by its
+    first output otherwise: ``from 0.90° to 0.10° rms in bend angle``.
     """
     if math.isfinite(before.over_floor) and math.isfinite(after.over_floor):
         return f"from {before.over_floor:.2f} to {Excess(after.over_floor, se)} times the noise"
     name = next(iter(after.rmse), "")
-    unit = unit_of(name)
+    unit = output_unit(name)
     return f"from {unit.text(before.rmse[name], 3)} to {unit.text(after.rmse[name], 3)} rms in {unit.label}"
 
 
 def named_step(found: Diagnosis) -> StepProposal | None:
-    """What the verdict names, or a group of look-alikes one of which is missing."""
+    """Return the effects that the verdict names, or a group of look-alikes one of which is missing; else None."""
     shared = _shared(found)
     if found.verdict != "missing_effect" and shared is None:
         return None
@@ -270,7 +272,7 @@ def named_step(found: Diagnosis) -> StepProposal | None:
 
 
 def predicting_step(found: Diagnosis, without: Collection[str]) -> StepProposal | None:
-    """What predicts readings better that no fit has seen, whatever its name; nothing that is there (`without`)."""
+    """Return the effects that best predict unseen readings, whatever their name, except `without`; else None."""
     if found.verdict in ("nothing_missing", "law_off"):
         return None
     best = best_prediction(found, without)
@@ -280,7 +282,7 @@ def predicting_step(found: Diagnosis, without: Collection[str]) -> StepProposal 
 
 
 def _shared(found: Diagnosis) -> SharedEffect | None:
-    """What the credible explanations agree on, where none of them is believed by itself."""
+    """Return what the credible explanations agree on, if none of them is believed alone; else None."""
     if found.verdict != "ambiguous":
         return None
     alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
@@ -290,11 +292,11 @@ def _shared(found: Diagnosis) -> SharedEffect | None:
     if shared is None or len(shared.stands_for) == 1:
         return shared
     free = [kind for kind in shared.stands_for if kind not in bounds.get((kind,), frozenset())]
-    return replace(shared, chosen=best_of(found, free, shared.chosen))
+    return replace(shared, chosen=best_single_effect(found, free, shared.chosen))
 
 
 def _standing_in(shared: SharedEffect, found: Diagnosis) -> str:
-    """That an effect is taken although the verdict is open, and which run would settle it."""
+    """Return why an effect is added although the verdict is open, and which run would settle it."""
     if len(shared.stands_for) == 1:
         return (
             f"The explanations that are left differ in what else is missing; {shared.chosen} is in nearly all of them "
@@ -312,7 +314,7 @@ def _standing_in(shared: SharedEffect, found: Diagnosis) -> str:
 
 
 def _by_gain(found: Diagnosis, kinds: Sequence[str]) -> tuple[str, ...]:
-    """These effects, the one first that explains most when it is added next."""
+    """Return these effects in the order of their gain when added next."""
     chosen: list[str] = []
     while len(chosen) < len(kinds):
         left = [kind for kind in kinds if kind not in chosen]

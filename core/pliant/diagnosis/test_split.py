@@ -1,7 +1,7 @@
-"""A test set put aside before anything is looked at: whole runs, whose inputs stay and whose readings are hidden.
+"""Test set held out before any inspection: whole runs, whose inputs are kept and whose readings are hidden.
 
-Two questions are kept apart. A repeat that is locked tells whether the model holds for the same inputs on another
-day; a condition that is locked with all its repeats, whether it holds for inputs that it never saw.
+Two questions are separated. A held-out repeat tests the model for the same inputs on another day; a condition that is
+held out with all its repeats tests it for inputs that it never saw.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.diagnosis.left_out import condition_of_runs
+from pliant.diagnosis.left_out import condition_indices
 from pliant.formatting import plural
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
@@ -19,9 +19,9 @@ from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
 SHARE = 0.25
-# Conditions that training must keep, and from how many on one may be locked as a whole.
+# Conditions that training must keep, and the number from which one may be held out as a whole.
 KEPT, ENOUGH = 3, 5
-# A circumstance is a condition's own where no other comes as near as this share of the range.
+# A circumstance is unique to a condition if no other comes as near as this share of the range.
 ALONE = 0.2
 GRID = 60
 
@@ -33,7 +33,7 @@ class TrainTestSplit:
     Attributes:
         runs: indices of the runs whose readings are hidden, increasing.
         unseen: those of them whose condition no training run has.
-        training: the measurement with NaN for what is hidden: specimens still live through these runs.
+        training: the measurement with NaN for hidden readings; specimens still go through these runs.
         why: how it was divided, in a sentence.
     """
 
@@ -42,8 +42,8 @@ class TrainTestSplit:
     training: Measurement
     why: str
 
-    def of(self, measurement: Measurement) -> TrainTestSplit:
-        """The same parts of the same runs where readings are gone: what has none counts in no part."""
+    def restricted_to(self, measurement: Measurement) -> TrainTestSplit:
+        """Return the same split after readings were removed: runs without any are in no part."""
         there = [k for k, run in enumerate(measurement.runs) if _is_read(run)]
         return replace(
             self,
@@ -53,16 +53,16 @@ class TrainTestSplit:
         )
 
 
-def lock(measurement: Measurement, share: float = SHARE) -> TrainTestSplit:
-    """Put about `share` of the runs aside. Only inputs decide, never readings; the same runs give the same parts.
+def split_runs(measurement: Measurement, share: float = SHARE) -> TrainTestSplit:
+    """Hold out about `share` of the runs; only inputs decide, never readings; the same runs give the same parts.
 
-    1. From `ENOUGH` conditions on, one condition with all its runs: the one most like another one and needed for
-       nothing that the others do not show, so that training still spans what was done.
-    2. The last repeat of further conditions, evenly over the list, one each; of conditions done twice at most half,
-       so that training keeps repeats to see its noise by.
-    3. If that is too little, further conditions chosen like the first, as long as `KEPT` are left.
+    1. From `ENOUGH` conditions on, one condition with all its runs: the one most similar to another one and not unique
+    in what it shows, so that training still spans all that was done.
+    2. The last repeat of further conditions, evenly over the list, one each; of conditions done twice at most half, so
+    that training keeps repeats to estimate its noise.
+    3. If that is too little, further conditions chosen like the first, as long as `KEPT` remain.
 
-    Fewer than 4 runs with readings cannot be divided: then nothing is locked.
+    Fewer than 4 runs with readings cannot be divided: then nothing is held out.
     """
     read = [k for k, run in enumerate(measurement.runs) if _is_read(run)]
     if len(read) < 4:
@@ -92,11 +92,11 @@ def lock(measurement: Measurement, share: float = SHARE) -> TrainTestSplit:
     )
 
 
-def lock_more(measurement: Measurement, earlier: TrainTestSplit) -> TrainTestSplit:
-    """What was put aside stays aside, what was seen stays seen; of runs that came since, `lock`'s share."""
+def extend_split(measurement: Measurement, earlier: TrainTestSplit) -> TrainTestSplit:
+    """Return an earlier split extended to new runs: old runs keep their part, `lock`'s share of the new is held out."""
     number = {run.name: k for k, run in enumerate(measurement.runs)}
     before = [run.name for run in earlier.training.runs]
-    since = lock(_hidden(measurement, [number[name] for name in before if name in number]))
+    since = split_runs(_hidden(measurement, [number[name] for name in before if name in number]))
 
     def both(old: Sequence[int], new: Sequence[int]) -> tuple[int, ...]:
         return tuple(sorted({number[before[k]] for k in old if before[k] in number} | set(new)))
@@ -113,8 +113,8 @@ def _is_read(run: MeasuredRun) -> bool:
 
 
 def _conditions(measurement: Measurement, read: Sequence[int]) -> list[list[int]]:
-    """Runs with readings, repeats together, in the order of the measurement."""
-    number = condition_of_runs(len(measurement.runs), [group.runs for group in repeat_groups(measurement)])
+    """Return the runs with readings, repeats grouped, in the order of the measurement."""
+    number = condition_indices(len(measurement.runs), [group.runs for group in repeat_groups(measurement)])
     found: dict[int, list[int]] = {}
     for k in read:
         found.setdefault(int(number[k]), []).append(k)
@@ -122,7 +122,7 @@ def _conditions(measurement: Measurement, read: Sequence[int]) -> list[list[int]
 
 
 def _last_repeats(conditions: Sequence[Sequence[int]], count: int) -> list[int]:
-    """The last run of so many of these conditions, evenly spread; pairs give up to half of their number."""
+    """Return the last run of `count` of these conditions, evenly spread; at most half of the pairs are used."""
     if count <= 0 or not conditions:
         return []
     pairs = [runs for runs in conditions if len(runs) == 2]
@@ -136,10 +136,10 @@ def _last_repeats(conditions: Sequence[Sequence[int]], count: int) -> list[int]:
 
 
 def _most_alike(measurement: Measurement, conditions: Sequence[Sequence[int]]) -> list[int]:
-    """Conditions that may go as a whole, the one nearest to another one first.
+    """Return conditions that may be held out as a whole, the one nearest to another one first.
 
-    A condition stays where nothing else tells what it tells: alone in a load, an orientation or a temperature, or
-    done with a specimen that was new.
+    A condition stays if it is unique: alone in a load, an orientation or a temperature, or done with a specimen that
+    was new.
     """
     first = {run.history.specimen: k for k, run in reversed(list(enumerate(measurement.runs)))}
     prints = np.array([_fingerprint(measurement.runs[runs[0]].history) for runs in conditions])
@@ -152,7 +152,7 @@ def _most_alike(measurement: Measurement, conditions: Sequence[Sequence[int]]) -
 
 
 def _alone(means: Array, which: int) -> bool:
-    """A condition that has a circumstance to itself."""
+    """Return whether a condition has a unique circumstance."""
     others = np.delete(means, which, axis=0)
     span = np.ptp(means, axis=0)
     nearest = np.abs(others - means[which]).min(axis=0) if len(others) else span
@@ -160,7 +160,7 @@ def _alone(means: Array, which: int) -> bool:
 
 
 def _circumstances(history: History) -> Array:
-    """Mean and spread of what is not actuation."""
+    """Return mean and spread of all signals other than actuation."""
     signals = [history.moment_n_m, history.temperature_c, *history.tip_force_n.T, *history.base_angles_rad.T]
     if history.payload_kg is not None:
         signals.append(history.payload_kg)
@@ -169,7 +169,7 @@ def _circumstances(history: History) -> Array:
 
 
 def _fingerprint(history: History) -> Array:
-    """Every input at even instants as mean, spread and rate, and how long the run lasts."""
+    """Return every input at even instants as mean, spread and rate, and the duration of the run."""
     signals = [*history.actuation.values(), history.moment_n_m, history.temperature_c]
     signals += [*history.tip_force_n.T, *history.base_angles_rad.T]
     signals.append(np.zeros(len(history)) if history.payload_kg is None else history.payload_kg)
@@ -187,7 +187,7 @@ def _fingerprint(history: History) -> Array:
 
 
 def _hidden(measurement: Measurement, locked: Sequence[int]) -> Measurement:
-    """The measurement without the readings of these runs."""
+    """Return the measurement without the readings of these runs."""
     runs = tuple(
         run.with_outputs({name: np.full(len(run), np.nan) for name in run.outputs}) if k in locked else run
         for k, run in enumerate(measurement.runs)
@@ -198,7 +198,7 @@ def _hidden(measurement: Measurement, locked: Sequence[int]) -> Measurement:
 def _why(measurement: Measurement, locked: Sequence[int], unseen: Sequence[int], n_read: int) -> str:
     if not locked:
         return (
-            f"None of the {n_read} runs could be put aside: each is needed to span what was done, and none is a repeat "
+            f"None of the {n_read} runs could be held out: each is needed to span what was done, and none is a repeat "
             "to spare. All were fitted."
         )
     names = ", ".join(measurement.runs[k].name for k in locked)
@@ -207,4 +207,4 @@ def _why(measurement: Measurement, locked: Sequence[int], unseen: Sequence[int],
         kinds.append(f"{len(unseen)} of conditions that are in no other run")
     if len(locked) > len(unseen):
         kinds.append(f"{plural(len(locked) - len(unseen), 'repeat')} of conditions that others fit")
-    return f"Put aside at the start: {len(locked)} of {n_read} runs ({names}), {' and '.join(kinds)}."
+    return f"Held out at the start: {len(locked)} of {n_read} runs ({names}), {' and '.join(kinds)}."

@@ -1,15 +1,15 @@
-"""How sure a fit is of its parameters: standard deviations, correlation, profile intervals.
+"""Uncertainty of a fit's parameters: standard deviations, correlation, profile intervals.
 
-Residuals r are in units of the noise floor. Noise is coloured: N readings are worth n_eff independent ones, each of
-which adds
+Residuals r are in units of the noise floor. Noise is autocorrelated: N readings are equivalent to n_eff independent
+ones, each of which adds
 
     s² = Σ r² / (n_eff − k)
 
 to Σ r² by chance, k parameters fitted. The covariance in the parameters' x is s² (JᵀJ)⁻¹, in a parameter's own unit
-times dv/dx (delta method), with the prior of forms that vary. A profile interval holds the values of one parameter at
-which Σ r², all other parameters refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of
-freedom (Venzon & Moolgavkar, Applied Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation
-does not see.
+times dv/dx (delta method), with the prior of forms that vary. A profile interval contains the values of one parameter
+at which Σ r², all other parameters refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of
+freedom (Venzon & Moolgavkar, Applied Statistics 37, 1988): it follows bounds and curved valleys, unlike a standard
+deviation.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.noise import LEAST_SQUARE
-from pliant.formatting import Unit, decimals_of_sd, display_unit, number, quantity, with_sd
+from pliant.formatting import Unit, display_unit, number, quantity, significant_decimals, with_sd
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.design import Array
 
-# The rise of an end, in standard deviations, is met within this share.
+# The rise at an end, in standard deviations, is met within this share.
 CLOSE = 0.02
 MOST_STEPS = 14
-# A step away from the best fit is never longer than this in x, where the data feel nothing.
+# Maximum step away from the best fit in x, if the data are insensitive.
 LONGEST = 3.0
-# Eigenvalues of JᵀJ below this share of the largest are directions that the data do not feel.
+# Eigenvalues of JᵀJ below this share of the largest are directions to which the data are insensitive.
 UNFELT = 1e-12
 
 
@@ -43,11 +43,11 @@ class Estimate:
 
     Attributes:
         name: ``kind.parameter``.
-        parameter: what the effect's plugin says of it.
-        value, sd: the best value and its standard deviation; infinite where the data do not feel it.
+        parameter: its declaration by the effect's plugin.
+        value, sd: the best value and its standard deviation; infinite if the data are insensitive to it.
         low, high: 90 % profile interval.
-        open_low, open_high: the profile does not rise enough before the bound, which then stands as the end.
-        at_limit: the best value lies on a bound.
+        open_low, open_high: the profile does not rise enough before the bound, which is then the end.
+        at_limit: the best value is on a bound.
     """
 
     name: str
@@ -66,24 +66,24 @@ class Estimate:
 
     @property
     def unit(self) -> str:
-        """The unit as written behind a number; empty for a pure number."""
+        """Return the unit as written behind a number; empty for a pure number."""
         return "" if self.parameter.unit == "1" else self.parameter.unit
 
     @property
     def plausible(self) -> bool:
-        """Within the plausible range or between it and neutral, or not further outside than one sd."""
+        """Return whether the value is in the plausible range or between it and neutral, within one sd."""
         low, high = self.parameter.plausible
         neutral, doubt = self.parameter.neutral, self.sd if math.isfinite(self.sd) else 0.0
         return min(low, neutral) - doubt <= self.value <= max(high, neutral) + doubt
 
     @property
     def includes_neutral(self) -> bool:
-        """The interval holds the value at which the effect vanishes (strengths only)."""
+        """Return whether the interval includes the value at which the effect vanishes (strengths only)."""
         return self.parameter.role == "strength" and self.low <= self.parameter.neutral <= self.high
 
     @property
     def simpler(self) -> str:
-        """That a simpler form is enough, in the effect's own words; empty where the shape is needed or not felt."""
+        """Return that a simpler form is enough, in the effect's words; empty if the shape is needed or undetermined."""
         low = self.parameter.bounds[0] if self.open_low else self.low
         high = self.parameter.bounds[1] if self.open_high else self.high
         forms = [form for form in self.parameter.simpler if low <= form[0] <= high]
@@ -95,11 +95,11 @@ class Estimate:
 
     @property
     def words(self) -> str:
-        """``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as a study writes it; with what is to be said of it."""
+        """Return ``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as in a study, with the remarks."""
         return self.told(Unit(self.unit))
 
     def told(self, unit: Unit) -> str:
-        """The same in another unit."""
+        """Return the same words in another unit."""
         low, high = number(unit.factor * self.low, 3), number(unit.factor * self.high, 3)
         between = f"between {low} and {high}"
         if self.open_low or self.open_high:
@@ -110,7 +110,7 @@ class Estimate:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What speaks against the value."""
+        """Return the objections to the value."""
         found = []
         if self.includes_neutral:
             found.append(f"includes {quantity(self.parameter.neutral, self.unit, 3)}: no effect")
@@ -122,7 +122,7 @@ class Estimate:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """The doubts, and where a simpler form is enough."""
+        """Return the doubts, and the simpler form if it is enough."""
         return (*self.doubts, self.simpler) if self.simpler else self.doubts
 
 
@@ -133,19 +133,19 @@ class Uncertainty:
     estimates: tuple[Estimate, ...]
     correlation: Array
 
-    def of(self, name: str) -> Estimate:
-        """The estimate of a parameter by its name ``kind.parameter``."""
+    def estimate(self, name: str) -> Estimate:
+        """Return the estimate of a parameter by its name ``kind.parameter``."""
         return next(one for one in self.estimates if one.name == name)
 
     def absent(self, kind: str) -> bool:
-        """No strength of this effect is told from zero."""
+        """Return whether no strength of this effect differs significantly from zero."""
         strengths = [e for e in self.estimates if e.kind == kind and e.parameter.role == "strength"]
         return all(estimate.includes_neutral for estimate in strengths)
 
 
 @dataclass(frozen=True)
 class Held(EffectSet):
-    """A candidate one of whose parameters is held at a number."""
+    """A candidate with one parameter fixed."""
 
     index: int = 0
     at: float = 0.0
@@ -156,26 +156,28 @@ class Held(EffectSet):
         return Held(candidate.kinds, candidate.parameters, candidate.models, index, at, candidate)
 
     def configs(self, x: Array) -> tuple[EffectConfig, ...]:
-        """Those of the candidate that is held, which may be of another class."""
+        """Return the configs of the inner candidate, which may be of another class."""
         return self.inner.configs(x)
 
     def limits(self) -> tuple[Array, Array]:
-        """Bounds in x, with both ends of the held parameter at its number."""
+        """Return bounds in x, with both ends of the fixed parameter at its number."""
         low, high = (ends.copy() for ends in self.inner.limits())
         low[self.index] = high[self.index] = self.at
         return low, high
 
 
 def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bool = True) -> Uncertainty:
-    """Standard deviations and profile intervals; ± 1.645 standard deviations without `profiles`, and where forms vary.
+    """Return standard deviations and profile intervals.
+
+    Without `profiles`, or if forms vary, intervals are ± 1.645 standard deviations.
 
     Args:
-        fitter: the fitter that made the fit: its readings and weights count.
+        fitter: the fitter that made the fit, with its readings and weights.
         fit: a fit of one parameter or more.
-        n_effective: independent readings that the fit rests on.
+        n_effective: independent readings of the fit.
     """
     scale = square_per_reading(fitter.weights, fit, n_effective)
-    covariance = covariance_of(fitter, fit, scale)
+    covariance = parameter_covariance(fitter, fit, scale)
     spread = np.sqrt(np.diag(covariance))
     profiles = profiles and not fit.candidate.forms
     estimates = []
@@ -201,16 +203,16 @@ def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bo
 
 
 def square_per_reading(weights: Array, fit: EffectFit, n_effective: float) -> float:
-    """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
+    """Return s², the expected contribution of one independent reading to Σ r², from these residuals."""
     free = max(n_effective - len(fit.x), 1.0)
-    square = max(fit.mean_square(weights), LEAST_SQUARE)  # data without noise have none to show
+    square = max(fit.mean_square(weights), LEAST_SQUARE)  # data without noise have zero residuals
     return square * float(weights.sum()) / free
 
 
-def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
-    """(k, k) in x; infinite variances where the readings do not feel a parameter."""
+def parameter_covariance(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
+    """Return (k, k) covariance in x; infinite variances if the readings are insensitive to a parameter."""
     normal = fit.information if fit.law is not None else (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
-    # forms have a prior of their own, s² of which is in units of Σ r²
+    # forms have a prior, s² of which is in units of Σ r²
     normal += np.diag([scale * one.pull * one.is_form for one in fit.candidate.parameters])
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
@@ -226,7 +228,7 @@ def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
 def _end(
     fitter: Fitter, fit: EffectFit, index: int, side: int, spread: float, scale: float | None
 ) -> tuple[float, bool]:
-    """One end of the interval in x, and whether it is a bound that the profile does not reach its rise before."""
+    """Return one end of the interval in x, and whether it is a bound before which the profile does not rise enough."""
     best = float(fit.x[index])
     bound = float(fit.candidate.limits()[0 if side < 0 else 1][index])
     room = abs(bound - best)
@@ -242,9 +244,9 @@ def _end(
 
 @dataclass(eq=False)
 class _Profile:
-    """√(rise of Σ r² / s²) along one parameter, the others refitted from where the last call would lead them.
+    """√(rise of Σ r² / s²) along one parameter, the others refitted from an extrapolation of the last call.
 
-    `along` (k,) is how much each parameter follows this one, to first order.
+    `along` (k,) is the first-order change of each parameter with this one.
     """
 
     fitter: Fitter
@@ -278,8 +280,8 @@ class _Profile:
 
 
 def _followers(fitter: Fitter, fit: EffectFit, index: int) -> Array:
-    """(k,) change of each parameter's best value per change of one; 0 for those that the readings do not feel."""
-    covariance = covariance_of(fitter, fit, 1.0)
+    """Return (k,) change of each parameter's best value per change of one; 0 for undetermined ones."""
+    covariance = parameter_covariance(fitter, fit, 1.0)
     along = np.zeros(len(fit.x))
     if np.isfinite(covariance[index, index]) and covariance[index, index] > 0.0:
         felt = np.isfinite(np.diag(covariance))
@@ -288,7 +290,7 @@ def _followers(fitter: Fitter, fit: EffectFit, index: int) -> Array:
 
 
 def _crossing(height: Callable[[float], float], step: float, room: float) -> float | None:
-    """Where the height, nearly a straight line from 0, passes `NINETY`; None if that is not before `room`."""
+    """Return where the height, nearly a straight line from 0, passes `NINETY`; None if not before `room`."""
     low, high, low_height, high_height = 0.0, math.nan, 0.0, math.nan
     at = min(step, room)
     for step_number in range(MOST_STEPS):
@@ -311,6 +313,6 @@ def _crossing(height: Callable[[float], float], step: float, room: float) -> flo
 
 
 def rounded(value: float, sd: float, digits: int = 2) -> float:
-    """The value at the decimal of the sd's last significant digit; four digits of its own without one."""
-    decimals = decimals_of_sd(value, sd, digits)
+    """Return the value at the decimal of the sd's last significant digit, or at four digits without an sd."""
+    decimals = significant_decimals(value, sd, digits)
     return value if decimals is None else round(value, decimals)

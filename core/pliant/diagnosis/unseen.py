@@ -1,37 +1,37 @@
-"""Which model predicts readings better that its fit has not seen: a question of its own, apart from its name.
+"""Comparison of models by their prediction of unseen readings, independent of their cause.
 
 Two models are compared by the squares of their errors on runs, or blocks of a run, that are left out one after another.
-Within a block errors hang together, between blocks they hardly do, so the mean difference of the blocks' sums over its
-standard error says whether one predicts better (a paired comparison: Diebold & Mariano, J. Bus. Econ. Stat. 13, 1995).
-Of the models that predict as well as the best one, within one standard error, the smallest is taken (Breiman et al.,
-Classification and Regression Trees, 1984).
+Errors are correlated within a block and hardly between blocks, so the mean difference of the blocks' sums over its
+standard error decides whether one predicts better (a paired comparison: Diebold & Mariano, J. Bus. Econ. Stat. 13,
+1995). Of the models that predict as well as the best one, within one standard error, the smallest is taken (Breiman et
+al., Classification and Regression Trees, 1984).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
-from pliant.diagnosis.left_out import BLOCKS, blocks_of, heldout_residual
+from pliant.diagnosis.left_out import BLOCKS, assign_blocks, heldout_residual
 from pliant.evidence.places import Residuals
 from pliant.records.design import Array
 
 if TYPE_CHECKING:
     from pliant.diagnosis.diagnosis import Diagnosis
 
-# Blocks of each run at least.
+# Minimum number of blocks of each run.
 LEAST_OF_RUN = 2
-# An effect that nothing names is taken if it predicts better by so many standard errors, for many are tried.
+# A gain in standard errors from which an effect without a named cause is taken, because many are tried.
 SURE = 2.5
 
 
 @dataclass(frozen=True)
 class PredictionGain:
-    """What a model's squares are less than another's, on readings that neither fit has seen.
+    """The reduction of the squares of one model relative to another, on readings that neither fit has seen.
 
     Attributes:
         share: of the other's sum of squares.
@@ -43,14 +43,14 @@ class PredictionGain:
 
     @property
     def sure(self) -> float:
-        """The gain in standard errors."""
+        """Return the gain in standard errors."""
         if self.share <= 0.0:
             return min(self.share / self.se, 0.0) if self.se > 0.0 else 0.0
         return self.share / self.se if self.se > 0.0 else np.inf
 
 
 def prediction_gain(before: Array, after: Array) -> PredictionGain:
-    """Of two models' sums of squares (B,) block by block (`block_squares`)."""
+    """Return the gain from two models' sums of squares (B,) per block (`block_squares`)."""
     differences, total = before - after, float(before.sum())
     if not total > 0.0:
         return PredictionGain(0.0, 0.0)
@@ -59,17 +59,31 @@ def prediction_gain(before: Array, after: Array) -> PredictionGain:
     return PredictionGain(float(differences.sum()) / total, spread / total)
 
 
-def block_squares(residuals: Residuals, scales: Mapping[str, float]) -> Array:
-    """(B,) sums of squares, in units of the scales, of contiguous parts of every run; readings that lack count none."""
-    parts = max(LEAST_OF_RUN, -(-BLOCKS // len(residuals)))
-    sums = np.zeros((len(residuals), parts))
-    for row, run in enumerate(residuals):
-        for name, scale in scales.items():
-            values = run[name]
-            place = parts * np.arange(len(values)) // max(len(values), 1)
-            squares = np.where(np.isfinite(values), values / scale, 0.0) ** 2
-            sums[row] += np.bincount(place, weights=squares, minlength=parts)
-    return sums.ravel()
+def block_squares(models: Sequence[Residuals], scales: Mapping[str, float]) -> tuple[Array, ...]:
+    """Return for each model (B,) sums of squares, in units of the scales, of contiguous parts of every run.
+
+    The parts of a run have equal shares of the mean of duration and squared error of all models: where the models fail
+    for a second of a long run, that second is several parts. The borders depend on the sum of the models' squares and
+    not on their difference, so that they favour none. Missing readings count 0.
+    """
+    n_runs = len(models[0])
+    parts = max(LEAST_OF_RUN, -(-BLOCKS // n_runs))
+    sums = np.zeros((len(models), n_runs, parts))
+    for row in range(n_runs):
+        squares = np.array([_sample_squares(model[row], scales) for model in models])
+        total, n = squares.sum(axis=0), squares.shape[1]
+        share = np.full(n, 1.0 / max(n, 1))
+        if total.any():
+            share = 0.5 * (share + total / total.sum())
+        place = np.minimum((parts * (np.cumsum(share) - 0.5 * share)).astype(int), parts - 1)
+        sums[:, row] = [np.bincount(place, weights=one, minlength=parts) for one in squares]
+    return tuple(one.ravel() for one in sums)
+
+
+def _sample_squares(run: Mapping[str, Array], scales: Mapping[str, float]) -> Array:
+    """Return (t,) sum over outputs of squared residuals over their scales."""
+    values = np.array([run[name] / scale for name, scale in scales.items()])
+    return np.asarray(np.where(np.isfinite(values), values, 0.0) ** 2).sum(axis=0)
 
 
 @dataclass(frozen=True)
@@ -77,9 +91,9 @@ class BestPrediction:
     """The smallest set of effects that predicts as well as any.
 
     Attributes:
-        kinds: it.
-        gain: over the model as it is.
-        alike: single effects, its own included, that predict as well as it within their uncertainty; one for a set of
+        kinds: the set.
+        gain: over the unchanged model.
+        alike: single effects, including its own, that predict as well within their uncertainty; one for a set of
             several.
     """
 
@@ -89,12 +103,15 @@ class BestPrediction:
 
 
 def best_prediction(found: Diagnosis, without: Collection[str] = ()) -> BestPrediction | None:
-    """Of the sets that were fitted, without these kinds; None where none predicts better beyond doubt."""
-    squares = {
-        kinds: _left_out_squares(found, kinds)
-        for kinds, fit in found.fits.items()
-        if not set(kinds) & set(without) and np.isfinite(fit.mean_square())
-    }
+    """Return the best of the fitted sets without these kinds; None if none predicts significantly better."""
+    squares = _left_out_squares(
+        found,
+        [
+            kinds
+            for kinds, fit in found.fits.items()
+            if not set(kinds) & set(without) and np.isfinite(fit.mean_square())
+        ],
+    )
     gains = {
         kinds: prediction_gain(squares[NOTHING], mine) for kinds, mine in squares.items() if kinds != NOTHING
     }
@@ -110,19 +127,20 @@ def best_prediction(found: Diagnosis, without: Collection[str] = ()) -> BestPred
     return BestPrediction(chosen, gains[chosen], tuple(alike) if len(chosen) == 1 else ())
 
 
-def best_of(found: Diagnosis, kinds: Collection[str], usual: str) -> str:
-    """Of single effects the one that predicts best, if it does so beyond its uncertainty; else the usual one."""
+def best_single_effect(found: Diagnosis, kinds: Collection[str], usual: str) -> str:
+    """Return the single effect that predicts best, if it does so beyond its uncertainty; else the usual one."""
     fitted = [kind for kind in kinds if (kind,) in found.fits and found.fits[(kind,)].mean_square() < np.inf]
     if usual not in fitted:
         return usual
-    squares = {kind: _left_out_squares(found, (kind,)) for kind in fitted}
+    alone = _left_out_squares(found, [(kind,) for kind in fitted])
+    squares = {kind: alone[(kind,)] for kind in fitted}
     best = min(fitted, key=lambda kind: float(squares[kind].sum()))
     return best if prediction_gain(squares[usual], squares[best]).sure > 1.0 else usual
 
 
-def _left_out_squares(found: Diagnosis, kinds: Kinds) -> Array:
-    """(B,) sums of squares of a set's errors on runs, or blocks of a run, left out of its fit."""
+def _left_out_squares(found: Diagnosis, sets: Sequence[Kinds]) -> dict[Kinds, Array]:
+    """Return for each set (B,) sums of squares of its errors on runs, or blocks of a run, left out of its fit."""
     readings, plain = found.readings, found.fits[NOTHING].residual
-    groups = readings.fold if len(np.unique(readings.run)) > 2 else blocks_of(readings)
-    left = readings.unpack(heldout_residual(found.fits[kinds], groups, plain))
-    return block_squares(left, readings.scales)
+    groups = readings.fold if len(np.unique(readings.run)) > 2 else assign_blocks(readings)
+    left = [readings.unpack(heldout_residual(found.fits[kinds], groups, plain)) for kinds in sets]
+    return dict(zip(sets, block_squares(left, readings.scales), strict=True)) if left else {}

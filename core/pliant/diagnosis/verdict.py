@@ -1,4 +1,4 @@
-"""The verdict that the evidence allows, in one sentence with its reasons."""
+"""Verdict from the evidence, in one sentence with its reasons."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from pliant.diagnosis.noise import LEAST_SQUARE
 from pliant.evidence.excess import Excess
 from pliant.formatting import plural
 
-# The one sentence of each verdict, on measurements and on counts: where the error of the model as it is is small, and
-# where it is clearly above the noise (`Judgement.small`). `reasons` beside it say more where there is more.
+# The sentence of each verdict, on measurements and on counts: if the error of the unchanged model is small, and if it
+# is clearly above the noise (`Judgement.small`). `reasons` contain more detail.
 UNDECIDED = "These data do not decide: {contenders}."
 HEADLINES = {
     "missing_effect": ("Missing: {kinds}. The error without it is {left}.", "Missing: {kinds}."),
@@ -54,9 +54,9 @@ NOT_PREDICTIVE = (
     "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
 )
 MOST_NAMED = 4
-# From so many times the noise on, what the best explanation leaves is said before it.
+# From this ratio to the noise on, the error left by the best explanation is stated first.
 MUCH_LEFT = 2.0
-# More effects than these are no class that a user can act upon.
+# A class with more effects is not informative enough for a user.
 MOST_IN_CLASS = 4
 
 Verdict = Literal[
@@ -72,20 +72,20 @@ Verdict = Literal[
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict with what it rests on.
+    """A verdict with its grounds.
 
     Attributes:
         verdict: see docs/which_effect.md.
         probability: of every hypothesis, the largest first.
         selected: effects of the verdict; empty unless it is `missing_effect`.
-        credible: hypotheses that hold 90 %.
+        credible: hypotheses with a total probability of 90 %.
         reasons: sentences.
-        selected_class: effects one of which is missing, the most probable first, where the verdict is `ambiguous` only
-            about which of them; else empty. `LAW` among them: it may be the law's own shape instead.
-        beside: effects that are missing beside one of `selected_class`, whichever it is.
-        law: by how much the law is off and where, in words that follow "off"; empty where that is not asked.
-        as_it_is: error of the model as it is on runs left out, over the floor.
-        best: that of the most probable listed explanation; of the model as it is where none was tried.
+        selected_class: effects one of which is missing, the most probable first, if the verdict is `ambiguous` only
+            about which of them; else empty. With `LAW` among them it may be the law's own shape instead.
+        beside: effects that are missing in addition to one of `selected_class`, whichever it is.
+        law: size and place of the law's error, in words that follow "off"; empty if it is not examined.
+        as_it_is: error of the unchanged model on left-out runs, over the floor.
+        best: that of the most probable listed explanation; of the unchanged model if none was tried.
     """
 
     verdict: Verdict
@@ -101,7 +101,7 @@ class Judgement:
 
     @property
     def contenders(self) -> str:
-        """The explanations that are left, in words."""
+        """Return the remaining explanations, in words."""
         names = [named(kinds) for kinds in self.credible[:MOST_NAMED]]
         if more := len(self.credible) - len(names):
             names.append(f"{more} more")
@@ -109,7 +109,7 @@ class Judgement:
 
     @property
     def sentence(self) -> str:
-        """The verdict in one sentence, with the explanations that are left."""
+        """Return the verdict in one sentence, with the remaining explanations."""
         first = ""
         if (
             self.verdict in ("missing_effect", "ambiguous")
@@ -135,27 +135,27 @@ class Judgement:
 
     @property
     def small(self) -> bool:
-        """Little is left to gain; the standard error counts while "nothing is missing" is credible."""
-        if not math.isfinite(self.as_it_is.ratio):  # readings without noise: there is no ratio to judge by
+        """Return whether there is little to gain; the standard error counts while "nothing is missing" is credible."""
+        if not math.isfinite(self.as_it_is.ratio):  # readings without noise have no ratio to judge by
             return self.verdict == "nothing_missing"
         return self.as_it_is.small if NOTHING in self.credible else self.as_it_is.slight
 
 
 def named(kinds: Kinds) -> str:
-    """A hypothesis in words."""
+    """Return a hypothesis in words."""
     if kinds == NOTHING:
         return "nothing missing"
     return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
 
 
 def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int, law: str = "") -> Judgement:
-    """Weigh the table.
+    """Return the judgement of the table.
 
     Args:
         table: all hypotheses.
         thresholds: thresholds.
         n_excited: effects that these runs could show.
-        law: by how much the law is off without any effect, and where, in words that follow "off".
+        law: size and place of the law's error without any effect, in words that follow "off".
     """
     evidence = log_evidence(table, thresholds)
     probability = probabilities(evidence, thresholds.temperature)
@@ -167,7 +167,7 @@ def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int, 
     left_out = [table.excess(square) for square in squares]
     credible = credible_set(probability)
     off = _with_law(table, credible)
-    group, beside = _class_of(off) if verdict == "ambiguous" and not reasons else ((), ())
+    group, beside = _common_class(off) if verdict == "ambiguous" and not reasons else ((), ())
     return Judgement(
         verdict,
         probability,
@@ -182,7 +182,7 @@ def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int, 
 
 
 def _with_law(table: EvidenceTable, credible: Sequence[Kinds]) -> tuple[Kinds, ...]:
-    """Return the hypotheses, `LAW` among the effects of one that has an effect less and beside it a law that is off."""
+    """Return the hypotheses, with `LAW` added to those of one effect less that need an error of the law."""
     most = max(map(len, credible))
     return tuple(
         sorted_kinds((*kinds, LAW))
@@ -192,8 +192,8 @@ def _with_law(table: EvidenceTable, credible: Sequence[Kinds]) -> tuple[Kinds, .
     )
 
 
-def _class_of(credible: Sequence[Kinds]) -> tuple[Kinds, Kinds]:
-    """Effects one of which each credible hypothesis has, and what all of them have beside it; empty where they part."""
+def _common_class(credible: Sequence[Kinds]) -> tuple[Kinds, Kinds]:
+    """Return effects one of which each credible hypothesis has, and their common ones; empty if they differ in more."""
     if (
         len(set(credible)) < 2
         or {NOTHING, UNKNOWN} & set(credible)
@@ -267,7 +267,7 @@ def _verdict(
 
 
 def _other_form(table: EvidenceTable, kinds: Kinds) -> tuple[str, ...]:
-    """That the kind is right and its form is not exactly ours, where more is left than noise."""
+    """Return a sentence if the effect is identified and its functional form leaves more than noise; else empty."""
     top, noise = table.rows[kinds].mean_square, table.noise
     left = table.excess(top)
     if not noise.judged or not math.isfinite(left.ratio) or left.small:

@@ -1,4 +1,4 @@
-"""The model against a recording: prediction → comparison, and where the error is.
+"""Comparison of the model with a recording: prediction, comparison, and where the error is.
 
-Import from the files: `prediction.py` drives the model, `comparison.py` judges it.
+Import from the modules: `prediction.py` simulates the measured runs, `comparison.py` computes the errors.
 """

@@ -1,6 +1,6 @@
-"""What a recording leaves open of its sensors: the turn of a camera's frame, and zeros that nobody knows.
+"""Sensor quantities that a recording leaves undetermined: the rotation of a camera's frame and unknown zeros.
 
-Both are linear in the readings and are fitted to them anew for every prediction, by least squares:
+Both are linear in the readings and are refitted for every prediction by least squares:
 
     positions   y = R p + t,  R = argmin Σ |y − R p|²  (Wahba 1965, SIAM Review 7, 409; solved by the singular value
                 decomposition of Σ p yᵀ, Markley 1988, J. Astronaut. Sci. 36, 245)
@@ -23,33 +23,27 @@ import numpy as np
 from pliant.config.measurements import PER_RUN
 from pliant.errors import UserError
 from pliant.formatting import number
-from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
+from pliant.mechanics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement, SensorFrame
 
 POSITION = re.compile(r"(tip|marker_\d+)_[xyz]_m")
 PAIR = re.compile(r"(angle|joint_\d+_angle|curvature)_[yz]_(rad|1_per_m)")
-FLAT = 1e-3  # of the longest extent of positions: they lie on a line and tell no turn about it
+FLAT = 1e-3  # of the longest extent: thinner positions are collinear, with no unique rotation
 RunReadings = dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """The turn of positions (3, 3) and of pairs (2, 2); None where nothing is turned."""
+    """The rotation of positions (3, 3) and of pairs (2, 2); None where nothing is rotated."""
 
     positions: Array | None = None
     pairs: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
-    """Runs that were read in one frame.
-
-    Attributes:
-        pattern: of their names, as the notes have it; "*" where all runs have one frame.
-        runs: their places in the measurement.
-        fixed: the turns that are not estimated; None where they are.
-    """
+class RecordingSession:
+    """Runs that were recorded in one frame."""
 
     pattern: str
     runs: tuple[int, ...]
@@ -58,18 +52,18 @@ class Session:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How predicted readings are brought into the sensors' frames and zeros.
+    """The transformation of predicted readings into the sensors' frames and zeros.
 
     Attributes:
-        measurement: what was read, in which frames and with which free zeros.
-        sessions: the frames and their runs; none where nothing is turned.
+        measurement: the readings, with their frames and free zeros.
+        sessions: the frames and their runs; empty where nothing is rotated.
     """
 
     measurement: Measurement
-    sessions: tuple[Session, ...] = ()
+    sessions: tuple[RecordingSession, ...] = ()
 
     @staticmethod
-    def of(measurement: Measurement) -> Alignment:
+    def from_measurement(measurement: Measurement) -> Alignment:
         """Return the alignment that a measurement asks for.
 
         Raises:
@@ -80,7 +74,7 @@ class Alignment:
             fits = [k for k, run in enumerate(measurement.runs) if fnmatchcase(run.name, pattern)]
             chosen = tuple(k for k in fits if k not in taken)
             taken.update(chosen)
-            sessions.append(Session(pattern, chosen, _fixed(frame)))
+            sessions.append(RecordingSession(pattern, chosen, _fixed(frame)))
             if frame.unknown:
                 _check_told(replace(measurement, runs=tuple(measurement.runs[k] for k in chosen)))
         if measurement.frames and len(taken) < len(measurement.runs):
@@ -93,7 +87,7 @@ class Alignment:
 
     @property
     def idle(self) -> bool:
-        """Whether predictions are compared as they are."""
+        """Return whether predictions are compared without any transformation."""
         return not self.sessions and not self.measurement.free_zeros
 
     @property
@@ -101,13 +95,13 @@ class Alignment:
         return self.measurement.n_samples > 0
 
     def frozen(self, turns: Sequence[Turns], measurement: Measurement) -> Alignment:
-        """Return the alignment of other runs, in which nothing was read: the first session's turns, no zeros."""
+        """Return the alignment for other runs without readings: the first session's rotations, no zeros."""
         every = tuple(range(len(measurement.runs)))
         blank = replace(measurement, free_zeros={})
-        return Alignment(blank, tuple(Session("*", every, one) for one in turns[:1]))
+        return Alignment(blank, tuple(RecordingSession("*", every, one) for one in turns[:1]))
 
     def turns(self, runs: Sequence[RunReadings]) -> tuple[Turns, ...]:
-        """Return the turns of each session: those that bring predictions nearest to the readings, or are fixed."""
+        """Return the rotations of each session: given, or those that bring predictions closest to the readings."""
         found = []
         for session in self.sessions:
             part = replace(self.measurement, runs=tuple(self.measurement.runs[k] for k in session.runs))
@@ -119,8 +113,8 @@ class Alignment:
         """Return predictions as the sensors read them.
 
         Args:
-            runs: by run, outputs as they are in the world and the module; all components of what is turned.
-            own: they are predictions of the measured runs, to whose readings free zeros can be fitted.
+            runs: by run, outputs in the frames of the world and the module; all components of what is rotated.
+            own: whether they are predictions of the measured runs, to whose readings free zeros can be fitted.
         """
         turned = [dict(run) for run in runs]
         for session, turns in zip(self.sessions, self.turns(runs), strict=True):
@@ -133,7 +127,7 @@ class Alignment:
         return tuple(turned)
 
     def sentences(self, turns: Sequence[Turns]) -> list[str]:
-        """Return what was fitted to the readings beside the model, with the lines that keep it."""
+        """Return sentences on what was fitted besides the model, with the lines of notes that fix it."""
         said, lines, numbers = [], {}, 0
         for session, one in zip(self.sessions, turns, strict=True):
             if session.fixed is None:
@@ -162,7 +156,7 @@ class Alignment:
 
 def _fixed(frame: SensorFrame) -> Turns | None:
     if frame.quaternion is not None:
-        return Turns(positions=matrix_of_quaternion(np.asarray(frame.quaternion, float)))
+        return Turns(positions=matrix_from_quaternion(np.asarray(frame.quaternion, float)))
     if frame.angle_rad is not None:
         c, s = np.cos(frame.angle_rad), np.sin(frame.angle_rad)
         return Turns(pairs=np.array([[c, s], [-s, c]]))
@@ -170,9 +164,9 @@ def _fixed(frame: SensorFrame) -> Turns | None:
 
 
 def _told(turns: Turns) -> tuple[str, str, int]:
-    """Return a sentence's begin about an estimated turn, its value as notes have it, and how many numbers it is."""
+    """Return the beginning of a sentence on an estimated rotation, its value as in notes, and its count of numbers."""
     if turns.positions is not None:
-        q = quaternion_of_matrix(turns.positions)
+        q = quaternion_from_matrix(turns.positions)
         angle = 2.0 * np.degrees(np.arccos(np.clip(abs(q[0]), 0.0, 1.0)))
         line = ", ".join(f"{value:.6g}" for value in q)
         return f"The camera's frame is turned by {number(angle, 4)}° against the world", f"[{line}]", 3
@@ -182,7 +176,7 @@ def _told(turns: Turns) -> tuple[str, str, int]:
 
 
 def _estimated(measurement: Measurement, runs: Sequence[RunReadings]) -> Turns:
-    """Return the turns that bring predictions nearest to the readings."""
+    """Return the rotations that bring predictions closest to the readings."""
     stems, pairs = _complete(measurement.outputs, POSITION, "xyz"), _pairs(measurement.outputs)
     return Turns(
         _turn([[f"{s}_{a}_m" for a in "xyz"] for s in stems], measurement, runs) if stems else None,
@@ -191,7 +185,7 @@ def _estimated(measurement: Measurement, runs: Sequence[RunReadings]) -> Turns:
 
 
 def _check_told(measurement: Measurement) -> None:
-    """Raise `UserError` where the readings of some runs cannot tell how their frame is turned."""
+    """Raise `UserError` where the readings of the runs do not determine the rotation of their frame."""
     stems, pairs = _complete(measurement.outputs, POSITION, "xyz"), _pairs(measurement.outputs)
     if not stems and not pairs:
         raise UserError(
@@ -203,7 +197,7 @@ def _check_told(measurement: Measurement) -> None:
 
 
 def _check_spread(measurement: Measurement, names: Sequence[str]) -> None:
-    """Raise `UserError` where positions lie on one line through their zero: they tell no turn about it."""
+    """Raise `UserError` where positions lie on a line through zero, so that the rotation about it is undetermined."""
     how = [measurement.free_zeros.get(name) for name in names]
     if len(set(how)) > 1:
         raise UserError(
@@ -222,7 +216,7 @@ def _check_spread(measurement: Measurement, names: Sequence[str]) -> None:
 
 
 def _centred(tables: Sequence[Array], how: str | None) -> list[Array]:
-    """Return vectors (t, 3) of each run from their mean: of each run, of all runs, or as they are."""
+    """Return vectors (t, 3) of each run minus their mean: of each run, of all runs, or unchanged."""
     if how is None or not any(map(len, tables)):
         return list(tables)
     if how == PER_RUN:
@@ -232,7 +226,7 @@ def _centred(tables: Sequence[Array], how: str | None) -> list[Array]:
 
 
 def components(name: str) -> list[str]:
-    """Return the outputs that are turned together with one: x, y and z of a position, y and z of a pair."""
+    """Return the outputs that are rotated together with one: x, y and z of a position, y and z of a pair."""
     if POSITION.fullmatch(name):
         return [f"{name[:-3]}{axis}_m" for axis in "xyz"]
     if match := PAIR.fullmatch(name):
@@ -252,7 +246,7 @@ def _pairs(outputs: Sequence[str]) -> list[list[str]]:
 
 
 def _turn(vectors: Sequence[Sequence[str]], measurement: Measurement, runs: Sequence[RunReadings]) -> Array:
-    """Return the proper rotation R that makes Σ |y − R p|² least, each in its own unit's size."""
+    """Return the proper rotation R that minimizes Σ |y − R p|², each term scaled by its unit's size."""
     width = len(vectors[0])
     product = np.zeros((width, width))
     for names in vectors:
@@ -269,7 +263,7 @@ def _turn(vectors: Sequence[Sequence[str]], measurement: Measurement, runs: Sequ
         if scale > 0.0:
             product += ps.T @ ys / scale
     left, sizes, right = np.linalg.svd(product)
-    if sizes[0] <= 0.0:  # nothing was read, or nothing was reached
+    if sizes[0] <= 0.0:  # nothing was read, or the prediction has no value
         return np.eye(width)
     signs = np.ones(width)
     signs[-1] = np.sign(np.linalg.det(right.T @ left.T))
@@ -290,7 +284,7 @@ def _turned(run: RunReadings, turns: Turns) -> RunReadings:
 
 
 def _shift(runs: Sequence[RunReadings], measurement: Measurement, name: str, per_run: bool) -> None:
-    """Add to an output's predictions the offset, of each run or of all, that brings them nearest to the readings."""
+    """Add to an output's predictions the offset, per run or over all, that brings them closest to the readings."""
     misses = [m.outputs[name] - run[name] for m, run in zip(measurement.runs, runs, strict=True)]
     finite = [miss[np.isfinite(miss)] for miss in misses]
     whole = np.concatenate(finite)

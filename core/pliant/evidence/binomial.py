@@ -1,6 +1,6 @@
-"""Two counts against each other when both are finite: exact tests, the beta-binomial, intervals.
+"""Comparison of two finite counts: exact tests, the beta-binomial, intervals.
 
-A count is s successes of n trials with one probability. Nothing here is asymptotic but `repeats_agree` for many sets.
+A count is s successes of n trials with one probability. All tests are exact, except `repeats_agree` for many sets.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import scipy
 from pliant.records.design import Array
 
 Count = tuple[int, int]  # successes, trials
-TIES = 1e-7  # relative: probabilities nearer than this are equal but for rounding
+TIES = 1e-7  # relative: probabilities closer than this are equal except for rounding
 MOST_TABLES = 20_000  # of an exact test of repeats
 
 
 def log_choose(n: Any, k: Any) -> Array:
-    """log of n over k, numbers or arrays of them."""
+    """Return the log of the binomial coefficient n over k, for numbers or arrays."""
     n, k = np.asarray(n, float), np.asarray(k, float)
     log_factorial = scipy.special.gammaln
     return np.asarray(log_factorial(n + 1) - log_factorial(k + 1) - log_factorial(n - k + 1))
 
 
 def log_predictive(measured: Count, simulated: Count) -> float:
-    """log probability of the measured count given the simulated one, for one unknown probability of success.
+    """Return the log probability of the measured count given the simulated one, for one unknown success probability.
 
     The probability is uniform before the simulation, Beta(s' + 1, m − s' + 1) after s' of m simulated trials; the
     measured count is then beta-binomial (Gelman et al., *Bayesian Data Analysis*, 3rd ed., section 2.4). With few
@@ -41,23 +41,26 @@ def log_predictive(measured: Count, simulated: Count) -> float:
 
 
 def log_own(measured: Count) -> float:
-    """log probability of a count whose probability is its own, uniform: each of 0…n is as likely."""
+    """Return the log probability of a count with its own uniform success probability: 0…n are equally likely."""
     return -float(np.log(measured[1] + 1))
 
 
 def deviance(measured: Count, simulated: Count) -> float:
-    """Twice the log-likelihood that the best possible simulated count of as many trials would gain; ≥ 0."""
+    """Return twice the log-likelihood lost against the best possible simulated count of as many trials; ≥ 0."""
     best = max(log_predictive(measured, (k, simulated[1])) for k in range(simulated[1] + 1))
     return 2.0 * (best - log_predictive(measured, simulated))
 
 
 def log_bayes_factor(a: Count, b: Count) -> float:
-    """log of (one probability for both) over (one each), uniform priors; above 0 they agree (Kass and Raftery 1995)."""
+    """Return the log Bayes factor of one probability for both over one each, with uniform priors.
+
+    Positive values favour one probability (Kass and Raftery 1995).
+    """
     return log_predictive(a, b) - log_own(a)
 
 
 def fisher_p(a: Count, b: Count) -> float:
-    """Two-sided exact test that both counts have one probability (Fisher 1935): Σ of tables no more likely."""
+    """Return the two-sided exact p of equal probabilities (Fisher 1935): Σ over tables that are no more likely."""
     total = a[0] + b[0]
     low, high = max(0, total - b[1]), min(a[1], total)
     k = np.arange(low, high + 1)
@@ -67,9 +70,9 @@ def fisher_p(a: Count, b: Count) -> float:
 
 
 def repeats_agree(sets: Sequence[Count]) -> float:
-    """p of the sets having one probability: exact by Pearson's χ² over all tables with these sums, or χ² where many.
+    """Return the p of all sets sharing one probability, exact by Pearson's χ² over all tables with these sums.
 
-    1 where there is one set, or all trials ended alike.
+    With more than `MOST_TABLES` tables the χ² distribution is used. 1 for a single set, or if all trials ended alike.
     """
     s, n = np.array(sets, float).T
     share = s.sum() / n.sum()
@@ -86,7 +89,7 @@ def repeats_agree(sets: Sequence[Count]) -> float:
 
 
 def chi_square(sets: Sequence[Count]) -> float:
-    """Pearson's χ² of sets against their common share; 0 where all trials ended alike."""
+    """Return Pearson's χ² of sets against their pooled share; 0 where all trials ended alike."""
     s, n = np.array(sets, float).T
     share = s.sum() / n.sum()
     if share in (0.0, 1.0):
@@ -95,7 +98,7 @@ def chi_square(sets: Sequence[Count]) -> float:
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """p-values adjusted for their number, family-wise (Holm 1979), in the order given."""
+    """Return p-values adjusted family-wise for their number (Holm 1979), in the order given."""
     adjusted, worst = [0.0] * len(p), 0.0
     for rank, index in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
         worst = max(worst, min(1.0, (len(p) - rank) * p[index]))
@@ -104,7 +107,7 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 def wilson(count: Count, level: float = 0.95) -> tuple[float, float]:
-    """Interval of the probability of success (Wilson 1927)."""
+    """Return the interval of the probability of success (Wilson 1927)."""
     s, n = count
     z = float(scipy.special.ndtri(0.5 + level / 2))
     centre = (s + z * z / 2) / (n + z * z)
@@ -113,14 +116,14 @@ def wilson(count: Count, level: float = 0.95) -> tuple[float, float]:
 
 
 def signed_z(a: Count, b: Count) -> float:
-    """Normal score of the exact test, positive where the first share is larger."""
+    """Return the normal score of the exact test, positive where the first share is larger."""
     p = max(fisher_p(a, b), 1e-300)
     sign = np.sign(a[0] / a[1] - b[0] / b[1])
     return float(sign * -scipy.special.ndtri(p / 2)) if p < 1.0 else 0.0
 
 
 def _tables(trials: Sequence[int], total: int) -> Iterator[tuple[int, ...]]:
-    """All ways in which `total` successes fall into sets of these sizes."""
+    """Yield every distribution of `total` successes over sets of these sizes."""
     if len(trials) == 1:
         yield (total,)
         return

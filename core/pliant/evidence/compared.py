@@ -1,4 +1,4 @@
-"""A predictor against its own measurement: the mistakes of the record first, then prediction and comparison."""
+"""Comparison of a predictor with its own measurement: mistakes of the record first, then prediction and comparison."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pliant.evidence.prediction import Predictor, RunReadings
 
 
 def compare_model(predictor: Predictor) -> tuple[tuple[RunReadings, ...], Comparison]:
-    """Return what the model reads in each run, and how far that is from what was measured.
+    """Return the model's readings in each run, and their comparison with the measured ones.
 
     Raises:
         UserError: no output in common, or no reading that can be compared.

@@ -1,11 +1,11 @@
-"""A model's trials against counted trials: which conditions disagree beyond chance, and do the repeats agree?
+"""Comparison of a model's trials with counted trials: conditions that disagree beyond chance, and repeats that do.
 
 Both sides are finite: s of n measured, t of m simulated. The log-likelihood of a condition is that of the measured
 count given the simulated one (`binomial.log_predictive`); its test is Fisher's exact one, adjusted for the number of
 conditions by Holm. Sets of one condition are tested against each other in the same way: contradictory repeats are a
-finding about the bench, before any about the model.
+finding about the test rig, reported before any about the model.
 
-Trials of a study's task under many settings: each an artifact of the store, computed by any executor.
+The trials of a study's task under many settings are simulated here, each an artifact of the store, by any executor.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from pliant.execution.jobs import JobQueue
 from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_reading import counts_trials, holds_counts, read_counts
-from pliant.measurements.files import Sources, sources_of
+from pliant.measurements.files import Sources, expand_sources
 from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.simulate import ChainSource, simulate_stage
-from pliant.pipeline.study import chain_of_study, physics_of_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.study import build_study_chain, study_physics
+from pliant.pipeline.workbench import RunContext
 from pliant.records.counts import CountCondition, Counts
-from pliant.tabular.opening import is_frame
+from pliant_tables.columns import is_frame
 
 SHARE = "success_share"
 
@@ -60,13 +60,13 @@ class Setting:
 
 
 def simulate_trials(
-    bench: Workbench, study: Study, settings: Sequence[Setting], workers: Workers = 1
+    bench: RunContext, study: Study, settings: Sequence[Setting], workers: Workers = 1
 ) -> list[Count]:
-    """Successes and trials of each setting; what the store has is not simulated again.
+    """Return successes and trials of each setting; results in the store are reused.
 
     Args:
         bench: plugins, store, progress.
-        study: chain, physics and everything that settings share.
+        study: chain, physics and everything else that the settings share.
         settings: see `Setting`; trials of one seed draw the same random numbers in every setting.
         workers: see `executor_for`; 1 simulates in this process.
 
@@ -74,7 +74,7 @@ def simulate_trials(
         UserError: a task that does not count successes, or an engine that cannot simulate it.
         NotReachedError: a setting killed its worker twice; the results of the others are in the store.
     """
-    source = chain_of_study(bench, study)  # the law is there before workers begin
+    source = build_study_chain(bench, study)  # the law is stored before workers begin
     bar = bench.progress.begin("simulating conditions", len(settings))
     function: Callable[[Any], Count] = partial(_simulated, bench, study, source)
     items: Sequence[Any] = settings
@@ -83,7 +83,9 @@ def simulate_trials(
         with executor_for(workers, len(settings)) as executor:
             if not isinstance(executor, InlineExecutor):
                 modules = (__name__,) if executor.remote else ()
-                items = [RemoteStudy.of(bench, _with(study, setting), modules) for setting in settings]
+                items = [
+                    RemoteStudy.from_study(bench, _with(study, setting), modules) for setting in settings
+                ]
                 function = simulate_remote
             with JobQueue(executor, function) as queue:
                 for one in queue.each(items):
@@ -95,21 +97,21 @@ def simulate_trials(
 
 
 def simulate_remote(remote: RemoteStudy) -> tuple[int, int]:
-    """What a worker does: the task of a study, through the shared store."""
+    """Run the task of a study in a worker, through the shared store."""
     bench, study = remote.open()
     setting = Setting(study.need("task", "a simulation"), study.effects)
-    return _simulated(bench, study, chain_of_study(bench, study), setting)
+    return _simulated(bench, study, build_study_chain(bench, study), setting)
 
 
 def _with(study: Study, setting: Setting) -> Study:
-    """The study of one setting; its task has the study's noise."""
+    """Return the study of one setting; its task includes the study's noise."""
     changes = {"task": setting.task, "effects": setting.effects}
     return study.model_copy(update={**changes, "noise": None, "measurements": None, "cross_check": ()})
 
 
-def _simulated(bench: Workbench, study: Study, source: ChainSource, setting: Setting) -> Count:
+def _simulated(bench: RunContext, study: Study, source: ChainSource, setting: Setting) -> Count:
     task = setting.task
-    made = simulate_stage(bench, source, physics_of_study(bench, study), task, setting.effects)
+    made = simulate_stage(bench, source, study_physics(bench, study), task, setting.effects)
     share, trials = made.value.metrics.get(SHARE), int(getattr(task, "trials", 1))
     if share is None:
         raise UserError(
@@ -131,8 +133,8 @@ class ConditionResult:
         condition: what was set and measured.
         simulated: successes and trials of the model.
         log_likelihood: of the measured count given the simulated one.
-        deviance: twice what the best possible simulated count would gain; ≥ 0.
-        log_bayes_factor: one probability for both over one each; negative speaks against the model.
+        deviance: twice the log-likelihood lost against the best possible simulated count; ≥ 0.
+        log_bayes_factor: one probability for both over one each; negative values are evidence against the model.
         p: Fisher's exact test; `p_adjusted` after Holm over all conditions.
         z: its normal score, positive where more succeeded than in the model.
         p_repeats: of the sets having one probability, 1 for a single set; `p_repeats_adjusted` after Holm.
@@ -153,41 +155,41 @@ class ConditionResult:
 
     @property
     def measured(self) -> Count:
-        """Successes and trials over all sets."""
+        """Return successes and trials over all sets."""
         return self.condition.successes, self.condition.trials
 
     @property
     def disagrees(self) -> bool:
-        """Whether the model differs from the measurement by more than chance, all conditions being looked at."""
+        """Return whether the model differs from the measurement by more than chance, adjusted for all conditions."""
         return self.p_adjusted < LEVEL
 
     @property
     def contradictory(self) -> bool:
-        """Whether the sets of this condition differ by more than chance, all conditions being looked at."""
+        """Return whether the sets of this condition differ by more than chance, adjusted for all conditions."""
         return self.p_repeats_adjusted < LEVEL
 
     @property
     def error(self) -> float:
-        """Measured less simulated share of successes."""
+        """Return the measured minus the simulated share of successes."""
         return self.measured[0] / self.measured[1] - self.simulated[0] / self.simulated[1]
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % of the measured share (Wilson)."""
+        """Return the 95 % interval of the measured share (Wilson)."""
         return wilson(self.measured)
 
 
 @dataclass(frozen=True)
 class CountComparison:
-    """All conditions.
+    """A comparison of counts under all conditions.
 
     Attributes:
         conditions: in the file's order.
         log_likelihood, deviance: sums over the conditions.
-        log_likelihood_own: of a model in which every condition has a probability of its own, uniform: what a model
-            has to beat to say anything.
+        log_likelihood_own: of a model with a separate uniform probability for every condition: the value that an
+            informative model has to exceed.
         rmse: root mean square of the differences of shares; `bias` their mean.
-        noise_floor: what `rmse` would be on average if model and measurement had the same probabilities.
+        noise_floor: the expected `rmse` if model and measurement had the same probabilities.
         overdispersion: χ² of the repeats per degree of freedom, where at least one condition repeats; else NaN.
         p_overdispersion: of sets that scatter binomially, by that χ²; 1 without repeats.
         n_repeated: conditions with more than one set.
@@ -211,37 +213,37 @@ class CountComparison:
 
     @property
     def ratio_to_floor(self) -> float:
-        """Error in units of what chance alone would give."""
+        """Return the error in units of the error expected from chance alone."""
         return self.rmse / self.noise_floor
 
     @property
     def n_samples(self) -> int:
-        """Trials measured in all conditions."""
+        """Return the number of trials measured in all conditions."""
         return sum(one.measured[1] for one in self.conditions)
 
     @property
     def n_effective(self) -> float:
-        """What the trials are worth: less where sets scatter more than binomially."""
+        """Return the effective number of trials: smaller where sets scatter more than binomially."""
         return self.n_samples / self.scatter
 
     @property
     def scatter(self) -> float:
-        """The overdispersion where it is more than chance, else 1."""
+        """Return the overdispersion if it exceeds chance, else 1."""
         return max(1.0, self.overdispersion) if self.p_overdispersion < LEVEL else 1.0
 
     @property
     def disagreeing(self) -> tuple[ConditionResult, ...]:
-        """Conditions beyond chance, the worst first."""
+        """Return the conditions that disagree beyond chance, the worst first."""
         return tuple(sorted((c for c in self.conditions if c.disagrees), key=lambda c: -c.deviance))
 
     @property
     def contradictory(self) -> tuple[ConditionResult, ...]:
-        """Conditions whose repeats contradict each other."""
+        """Return the conditions whose repeats contradict each other."""
         return tuple(c for c in self.conditions if c.contradictory)
 
 
 def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountComparison:
-    """Measured against simulated counts, condition by condition in the same order."""
+    """Compare measured with simulated counts, condition by condition in the same order."""
     measured = [(c.successes, c.trials) for c in counts.conditions]
     pairs = list(zip(measured, simulated, strict=True))
     p = [fisher_p(a, b) for a, b in pairs]
@@ -304,19 +306,19 @@ class CountedStudy:
     counts: Counts
     trials: int
 
-    def task_of(self, condition: CountCondition) -> TaskConfig:
-        """The task as it was done under a condition, with the trials to simulate."""
+    def condition_task(self, condition: CountCondition) -> TaskConfig:
+        """Return the task as performed under a condition, with the trials to simulate."""
         return changed_task(self.task, {**condition.changes, "task.trials": self.trials})
 
 
 def is_counted(study: Study, data: Sources = None) -> bool:
-    """Whether the study's measurements, or `data`, are a file of counts."""
+    """Return whether the study's measurements, or `data`, are a file of counts."""
     path = _file(study, data)
     return path is not None and holds_counts(path, study.task, study.measurements)
 
 
 def counted_study(study: Study, data: Sources = None) -> CountedStudy:
-    """Read the counts; raises `UserError` for a task that counts no trials, and what `read_counts` raises."""
+    """Read the counts; raise `UserError` for a task that counts no trials, besides the errors of `read_counts`."""
     path = _file(study, data)
     if path is None:
         raise UserError(f"study '{study.name}' names no measurements; give --data counts.csv.")
@@ -331,16 +333,17 @@ def counted_study(study: Study, data: Sources = None) -> CountedStudy:
     return CountedStudy(study, task, read_counts(path, task, settings), settings.trials)
 
 
-def compare_counted(bench: Workbench, counted: CountedStudy, workers: Workers = 1) -> CountComparison:
+def compare_counted(bench: RunContext, counted: CountedStudy, workers: Workers = 1) -> CountComparison:
     """Simulate every condition under the study's noise, each an artifact of the store, and compare."""
     settings = [
-        Setting(counted.task_of(condition), counted.study.effects) for condition in counted.counts.conditions
+        Setting(counted.condition_task(condition), counted.study.effects)
+        for condition in counted.counts.conditions
     ]
     return compare_counts(counted.counts, simulate_trials(bench, counted.study, settings, workers))
 
 
 def _file(study: Study, data: Sources) -> Any:
-    """The one table that may hold counts; None where there are several, or none."""
+    """Return the one table that may contain counts; None where there are several, or none."""
     files = data if data is not None else study.measurements.file if study.measurements is not None else ()
-    sources = sources_of(files) if is_frame(files) or files else []
+    sources = expand_sources(files) if is_frame(files) or files else []
     return sources[0] if len(sources) == 1 else None

@@ -1,6 +1,6 @@
-"""Covariates: the circumstances of each sample that a model's error may depend on.
+"""Covariates: the circumstances of each sample on which a model's error may depend.
 
-Bins: a covariate cut into a handful of places that have a name.
+Bins: a covariate divided into a few named intervals or categories.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import NamedUnit, displayed_in, named_unit, number, unit_of
-from pliant.measurements.effective import clock_of
+from pliant.formatting import NamedUnit, displayed_in, named_unit, number, output_unit
+from pliant.measurements.effective import run_clock
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
 STILL = 0.05  # of the run's range per duration: slower changes are a hold
-NOISE_WIDTHS = 4.5  # slopes below so many standard deviations of the reading's noise are a hold
+NOISE_WIDTHS = 4.5  # slopes below this number of standard deviations of the reading's noise are a hold
 LONGEST_WINDOW = 32  # samples over which a noisy reading is differenced
 
 
 @dataclass(frozen=True, eq=False)
 class Phases:
-    """(t,) each: `direction` −1, 0, 1; `rate` per second, NaN in holds; `hold_s` since the change, NaN in motion."""
+    """(t,) each: `direction` −1, 0, 1; `rate` per second, NaN at rest; `hold_s` since the change, NaN in motion."""
 
     direction: Array
     rate: Array
@@ -33,11 +33,11 @@ class Phases:
 
 
 def phases(level: Array, time_s: Array | None) -> Phases:
-    """Phases of one run from its actuation, which may be a noisy reading.
+    """Return the phases of one run from its actuation, which may be a noisy reading.
 
-    Slopes are backward differences, so that a step belongs to the sample that it leads to. The window grows
-    until a typical slope stands clear of the reading's noise, which second differences tell (Var = 6 σ²).
-    Without time, samples count as seconds.
+    Slopes are backward differences, so that a step belongs to the sample that it leads to. The window grows until a
+    typical slope exceeds the reading's noise, which is estimated from second differences (Var = 6 σ²). Without time,
+    samples count as seconds.
     """
     n = len(level)
     clock = np.arange(n, dtype=float) if time_s is None else np.asarray(time_s, float)
@@ -51,7 +51,7 @@ def phases(level: Array, time_s: Array | None) -> Phases:
         before, after = (
             np.maximum(now - window, 0),
             np.maximum(now, min(window, n - 1)),
-        )  # the first look ahead
+        )  # the first samples use forward differences
         span = np.maximum(clock[after] - clock[before], 1e-12)
         slope = (level[after] - level[before]) / span
         noise = NOISE_WIDTHS * np.sqrt(2) * sigma / span
@@ -77,11 +77,11 @@ class Covariate:
     """One circumstance, sample by sample.
 
     Attributes:
-        name: for programs, SI unit at its end.
-        shown: for people.
+        name: machine-readable, with the SI unit at its end.
+        shown: name and unit for display.
         values: per run (t,): numbers in SI, or indices into `categories`; NaN where it has no value.
         categories: in words, for a covariate without an order; empty for a numeric one.
-        rest: what a sample is called that has no value, such as "holding" for a rate.
+        rest: label of samples without a value, such as "holding" for a rate.
     """
 
     name: str
@@ -113,11 +113,11 @@ class Covariates:
 def covariates(
     measurement: Measurement, predicted: Sequence[Mapping[str, Array]] | None = None
 ) -> Covariates:
-    """Every circumstance of the measurement that varies.
+    """Return every circumstance of the measurement that varies.
 
     Args:
         measurement: runs in the order in which they were done.
-        predicted: per run the model's outputs; adds the bend that the model expects.
+        predicted: per run the model's outputs; adds the predicted bend.
 
     Returns:
         pressure (or tension) of each input, direction of its change, rate, time in hold, cycle, largest past
@@ -159,7 +159,7 @@ def covariates(
     which = (np.full(len(h), float(bodies.index(h.specimen))) for h in histories)
     add("specimen", named_unit("specimen"), which, *named)
     if all(h.time_s is not None for h in histories):
-        add("clock_s", named_unit("time in the run", "s"), (clock_of(run) for run in runs))
+        add("clock_s", named_unit("time in the run", "s"), (run_clock(run) for run in runs))
     add("run_number", named_unit("run number"), (np.full(len(run), k + 1.0) for k, run in enumerate(runs)))
     if predicted and all(predicted):
         joints = [name for name in predicted[0] if re.fullmatch(r"joint_\d+_angle_rad", name)]
@@ -171,37 +171,37 @@ def covariates(
 
 
 def positions(outputs: Sequence[str]) -> dict[str, int]:
-    """Number along the chain of outputs such as ``joint_3_angle_rad`` or ``marker_2_x_m``."""
+    """Return the number along the chain of outputs such as ``joint_3_angle_rad`` or ``marker_2_x_m``."""
     found = ((name, ALONG_CHAIN.fullmatch(name)) for name in outputs)
     return {name: int(match[2]) for name, match in found if match}
 
 
 def _add_actuation(add: Callable[..., None], runs: Sequence[MeasuredRun]) -> None:
-    """Each input, and of the first that moves its direction, rate, holds and largest past level."""
+    """Add each input, and for the first that moves its direction, rate, hold time and largest past level."""
     names = list(dict.fromkeys(name for run in runs for name in run.history.actuation))
     levels = {name: [run.input(name) for run in runs] for name in names}
     for name in names:
-        words = unit_of(name)
+        words = output_unit(name)
         only = replace(words, label=re.sub(r" \d+$", "", words.label))
         add(name, words if len(names) > 1 else only, levels[name])
     if not names:
         return
     moving = [name for name in names if any(np.ptp(v) > 0 for v in levels[name] if len(v))]
     lead = (moving or names)[0]
-    label, unit = unit_of(lead).label, lead.rsplit("_", 1)[-1]
+    label, unit = output_unit(lead).label, lead.rsplit("_", 1)[-1]
     found = [phases(v, run.history.time_s) for v, run in zip(levels[lead], runs, strict=True)]
     ways = (f"rising {label}", f"held {label}", f"falling {label}")
     add("direction", named_unit(f"direction of {label} change"), (1 - f.direction for f in found), *ways)
     if all(run.history.time_s is not None for run in runs):
-        rate = replace(unit_of(f"{lead}_s"), label=f"{label} rate")
+        rate = replace(output_unit(f"{lead}_s"), label=f"{label} rate")
         add(f"rate_{unit}_s", rate, (f.rate for f in found), rest=f"held {label}")
         add("hold_s", named_unit("time in hold", "s"), (f.hold_s for f in found), rest=f"{label} in motion")
-    past = replace(unit_of(lead), label=f"largest {label} so far")
+    past = replace(output_unit(lead), label=f"largest {label} so far")
     add(f"past_{lead}", past, _largest_so_far(runs, levels[lead]))
 
 
 def _largest_so_far(runs: Sequence[MeasuredRun], levels: Sequence[Array]) -> Iterator[Array]:
-    """The largest level that the specimen has seen, the present one included."""
+    """Yield the largest level that the specimen has seen, the present one included, per run."""
     seen: dict[str, float] = {}
     for run, level in zip(runs, levels, strict=True):
         before = seen.get(run.history.specimen, -np.inf)
@@ -212,7 +212,7 @@ def _largest_so_far(runs: Sequence[MeasuredRun], levels: Sequence[Array]) -> Ite
 
 
 def _main_axis(force: Array) -> Array:
-    """Index into −x, +x, −y, +y, −z, +z, none."""
+    """Return (t,) index into −x, +x, −y, +y, −z, +z, none."""
     axis = np.argmax(np.abs(force), axis=1)
     value = np.take_along_axis(force, axis[:, None], axis=1)[:, 0]
     return np.where(value == 0, 6, 2 * axis + (value > 0)).astype(float)
@@ -227,11 +227,11 @@ def _varies(item: Covariate) -> bool:
 
 
 Codes = NDArray[np.int64]
-MOST_LEVELS = 8  # a covariate with so many values or fewer has a bin for each
+MOST_LEVELS = 8  # a covariate with at most this number of values has a bin for each
 N_BINS = 5
-ATOM = 0.1  # of the samples at one value: it has a bin of its own
+ATOM = 0.1  # of the samples at one value: it gets a separate bin
 LEVEL_WIDTH = 0.02  # of the range: values closer than this are one level…
-LEVEL_RATIO = 1.3  # …unless one is so many times the other
+LEVEL_RATIO = 1.3  # …unless one exceeds the other by this factor
 PAIRS = (
     ("direction", "pressure"),
     ("direction", "rate"),
@@ -242,14 +242,14 @@ PAIRS = (
 
 @dataclass(frozen=True, eq=False)
 class Bins:
-    """A covariate cut into bins; every sample is in exactly one.
+    """A covariate divided into bins; every sample is in exactly one.
 
     Attributes:
         name: the covariate's, or two joined by " × ".
         shown: the covariate in words.
         words: each bin in words.
         codes: per run (t,) the bin of each sample.
-        centres: where each bin stands on the covariate's axis (SI); NaN for categories and the rest.
+        centres: position of each bin on the covariate's axis (SI); NaN for categories and the rest.
     """
 
     name: str
@@ -263,15 +263,15 @@ class Bins:
 
 
 def binned(covariate: Covariate) -> Bins:
-    """The covariate in bins: one per category or level; else about as many samples in each of `N_BINS`."""
+    """Return the covariate in bins: one per category or level, else `N_BINS` with about equal numbers of samples."""
     values = np.concatenate(covariate.values)
     if not np.isfinite(values).any():
         found, words, centres = values, [], []
     elif not covariate.numeric:
         found, words, centres = values, list(covariate.categories), [np.nan] * len(covariate.categories)
     else:
-        with displayed_in({}):  # cut at round numbers of the usual units: a result is the same in every unit
-            usual = unit_of(covariate.name).factor
+        with displayed_in({}):  # cut at round numbers of the usual units: independent of the displayed unit
+            usual = output_unit(covariate.name).factor
         found, words, centres = _numeric(covariate.shown, values, usual)
     codes = np.where(np.isfinite(found), found, len(words)).astype(np.int64)
     return _used(
@@ -280,10 +280,10 @@ def binned(covariate: Covariate) -> Bins:
 
 
 def crossed(first: Bins, second: Bins) -> Bins:
-    """Every combination that occurs of a bin of `first` and one of `second`."""
+    """Return every combination that occurs of a bin of `first` and one of `second`."""
     size = len(second)
     codes = np.concatenate([a * size + b for a, b in zip(first.codes, second.codes, strict=True)])
-    label = second.shown.label + " "  # "rising pressure, pressure 5 kPa" says it twice
+    label = second.shown.label + " "  # "rising pressure, pressure 5 kPa" names it twice
     words = [
         f"{a}, {b.removeprefix(label) if a.endswith(label.strip()) else b}"
         for a in first.words
@@ -307,7 +307,7 @@ def _used(
     centres: Sequence[float],
     like: Sequence[Array] | Sequence[Codes],
 ) -> Bins:
-    """The bins that hold a sample; `codes` of all runs one after another, runs as long as in `like`."""
+    """Return the bins that contain a sample; `codes` of all runs one after another, runs as long as in `like`."""
     used, codes = np.unique(codes, return_inverse=True)
     by_run = tuple(np.split(codes, np.cumsum([len(v) for v in like])[:-1]))
     return Bins(name, shown, tuple(words[k] for k in used), by_run, tuple(float(centres[k]) for k in used))
@@ -335,9 +335,9 @@ def _numeric(shown: NamedUnit, values: Array, usual: float) -> tuple[Array, list
 
 
 def _levels(there: Array) -> Array | None:
-    """The levels that the values stand at; None where they are spread or more than `MOST_LEVELS`.
+    """Return the discrete levels of the values; None where they are spread or more than `MOST_LEVELS`.
 
-    A level ends where the next value is farther than `LEVEL_WIDTH` of the range, or by `LEVEL_RATIO`.
+    A level ends where the next value is farther away than `LEVEL_WIDTH` of the range, or than the factor `LEVEL_RATIO`.
     """
     unique = np.unique(there)
     width = LEVEL_WIDTH * np.ptp(unique)
@@ -350,10 +350,10 @@ def _levels(there: Array) -> Array | None:
 
 
 def _edges(there: Array, factor: float) -> tuple[Array, Array]:
-    """Inner edges, and the values that they are called by.
+    """Return the inner edges, and the values by which they are named.
 
-    A value that many samples share (a rest, a plateau) gets a bin of its own; the others are cut near their
-    quantiles, at numbers that people would choose.
+    A value that many samples share (a rest, a plateau) gets its own bin; the others are divided near their quantiles,
+    at round numbers.
     """
     unique, counts = np.unique(there, return_counts=True)
     atoms = np.flatnonzero(counts > ATOM * len(there))
@@ -373,7 +373,7 @@ def _edges(there: Array, factor: float) -> tuple[Array, Array]:
 
 
 def _rounded(there: Array, parts: int, factor: float) -> Array:
-    """Edges of so many parts near the quantiles, inside the range."""
+    """Return the inner edges of `parts` intervals near the quantiles, inside the range."""
     if not len(there):
         return np.zeros(0)
     edges = np.quantile(there, np.arange(1, parts) / parts)

@@ -1,4 +1,4 @@
-"""How much of an unexplained residual each covariate tells: cross-validated, without physics.
+"""Share of an unexplained residual that each covariate explains: cross-validated, without physics.
 
 A model of one covariate is a mean per category or a broken line over its quantiles, fitted with a small ridge toward
 the mean. Its importance is 1 − SSE/SST on runs that it was not fitted to, SST being about the mean of the fitted runs
@@ -20,16 +20,16 @@ from pliant.records.design import Array
 KNOTS = 9
 PAIR_KNOTS = 5
 RIDGE = 1e-3  # of the samples
-ENOUGH_RUNS = 4  # fewer are cut into stretches for cross-validation
+ENOUGH_RUNS = 4  # fewer are divided into stretches for cross-validation
 STRETCHES = 8
-MOST_SAMPLES = 12_000  # neighbours say the same: longer data are thinned
+MOST_SAMPLES = 12_000  # neighbouring samples are redundant: longer data are downsampled
 PAIRED = 4  # the best covariates are tried in pairs
-PAIR_GAIN = 0.05  # a pair is named when it explains so much more than either alone
+PAIR_GAIN = 0.05  # a pair is named if it explains this much more than either alone
 
 
 @dataclass(frozen=True, eq=False)
 class _Folds:
-    """Thinned residuals: `values` (s, o) scaled with 0 where missing, `there` (s, o), `fold` (s,), `keep` per run."""
+    """Downsampled residuals: `values` (s, o) scaled, 0 where missing, `there` (s, o), `fold` (s,), `keep` per run."""
 
     values: Array
     there: Array
@@ -37,7 +37,7 @@ class _Folds:
     keep: tuple[slice, ...]
 
     def basis(self, item: Covariate, knots: int) -> Array:
-        """(s, m) hat functions at quantiles, or indicators; rows sum to 1; missing values share a column."""
+        """Return (s, m) hat functions at quantiles, or indicators; rows sum to 1; missing values share a column."""
         values = np.concatenate([v[k] for v, k in zip(item.values, self.keep, strict=True)])
         there = np.isfinite(values)
         if not there.any():
@@ -59,10 +59,10 @@ class _Folds:
 def importance(
     residuals: Sequence[Mapping[str, Array]], found: Covariates, scales: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """What the residual depends on: covariate → importance from 0 to 1, the largest first.
+    """Return the covariates on which the residual depends: covariate → importance from 0 to 1, the largest first.
 
     Args:
-        residuals: per run the residuals by output (t,), NaN where there is none.
+        residuals: per run the residuals by output (t,), NaN where missing.
         found: covariates of the same runs.
         scales: unit in which outputs are added, their noise floors for example; their RMS by default.
 
@@ -108,7 +108,7 @@ def _folds(
 
 
 def _explained(basis: Array, folds: _Folds) -> float:
-    """Cross-validated share of the squares about the mean, all outputs together."""
+    """Return the cross-validated share of the squares about the mean, all outputs together."""
     rest = total = 0.0
     starts = [np.flatnonzero(folds.fold == k) for k in range(int(folds.fold.max()) + 1)]
     for values, there in zip(folds.values.T, folds.there.T, strict=True):
@@ -132,7 +132,7 @@ def _explained(basis: Array, folds: _Folds) -> float:
 
 
 def _position(folds: _Folds, numbers: Sequence[int | None], names: Sequence[str]) -> float:
-    """Share told by the number along the chain: outputs of one family (joint angles, marker x…) taken together."""
+    """Return the share explained by the number along the chain, pooled over a family (joint angles, marker x…)."""
     family = [
         "" if k is None else name.replace(str(k), "", 1) for name, k in zip(names, numbers, strict=True)
     ]

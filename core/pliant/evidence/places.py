@@ -1,14 +1,14 @@
-"""Where the error is: every bin of every covariate, with its share of the squared error and its significance.
+"""Localization of the error: every bin of every covariate, its share of the squared error and its significance.
 
 Residuals are modelled as r_i = o_k + e_i with an offset o_k ~ N(0, σ_b²) per run k and first-order autoregressive
 noise e of standard deviation σ_w and lag-one correlation φ. The mean over a set of samples with n_k in run k then has
 
     Var = Σ_k (n_k/n)² σ_b² + (σ_w/n)² Σ_k Σ_ij φ^|i−j|
 
-(Bartlett 1946 for the second part). The effective sample size is that of as many independent samples:
-σ_w² / Var of the second part.
+(Bartlett 1946 for the second part). The effective sample size is the number of independent samples with the same
+variance of the mean: σ_w² / Var of the second part.
 
-From a noise floor to what noise does to a mean: offsets of runs, noise within them, how long it remembers.
+`Noise` describes how noise acts on a mean: offsets of runs, noise within them, its correlation time.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 import scipy
 
 from pliant.evidence.covariates import PAIRS, Bins, Codes, Covariates, binned, crossed
-from pliant.formatting import NamedUnit, listed, unit_of
-from pliant.measurements.effective import autocorrelation, clock_of
+from pliant.formatting import NamedUnit, listed, output_unit
+from pliant.measurements.effective import autocorrelation, run_clock
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import Aligned, RepeatGroup, aligned
 from pliant.records.design import Array
@@ -29,15 +29,15 @@ from pliant.records.measurement import Measurement
 
 # Per run, measured − predicted by output, NaN where nothing was read.
 Residuals = Sequence[Mapping[str, Array]]
-SMALLEST_OFFSET = 0.5  # of the variance of a run's mean: repeats cannot rule out offsets below
-LONGEST = 0.995  # lag-one correlation that a short record can tell
-OUTLIER = 4.0  # differences beyond so many robust sigmas are steps of the signal
+SMALLEST_OFFSET = 0.5  # of the variance of a run's mean: repeats cannot rule out smaller offsets
+LONGEST = 0.995  # largest lag-one correlation that a short record can determine
+OUTLIER = 4.0  # differences beyond this number of robust sigmas are steps of the signal
 
 
-def residuals_of(
+def run_residuals(
     measurement: Measurement, predicted: Sequence[Mapping[str, Array]]
 ) -> list[dict[str, Array]]:
-    """Per run, measured − predicted (t,) for the outputs that both have; NaN where nothing was read."""
+    """Return per run measured − predicted (t,) for the outputs that both have; NaN where nothing was read."""
     common = [name for name in measurement.outputs if all(name in run for run in predicted)]
     return [
         {name: np.asarray(run.outputs[name], float) - np.asarray(model[name], float) for name in common}
@@ -46,7 +46,7 @@ def residuals_of(
 
 
 def padded(measurement: Measurement, residuals: Residuals) -> list[dict[str, Array]]:
-    """Residuals for every output of the measurement: NaN for those that a model does not have."""
+    """Return residuals for every output of the measurement: NaN for those that a model does not have."""
     return [
         {name: run.get(name, np.full(len(m), np.nan)) for name in measurement.outputs}
         for m, run in zip(measurement.runs, residuals, strict=True)
@@ -55,15 +55,15 @@ def padded(measurement: Measurement, residuals: Residuals) -> list[dict[str, Arr
 
 @dataclass(frozen=True)
 class Noise:
-    """What the noise of one output is like.
+    """The noise of one output.
 
     Attributes:
         within: standard deviation inside a run, SI.
         between: standard deviation of the offsets between repeated runs, SI; 0 where it is not known.
-        memory_s: time after which the noise inside a run has forgotten 63 % of itself (in samples where runs have
+        memory_s: correlation time, after which the noise inside a run has decayed by 63 % (in samples where runs have
             no clock); 0 for white noise.
-        floor: what errors are divided by; the two together where it is not given.
-        freedom_within, freedom_between: degrees of freedom behind the two.
+        floor: the unit of errors; the two combined where it is not given.
+        freedom_within, freedom_between: degrees of freedom of the two estimates.
     """
 
     within: float
@@ -75,22 +75,22 @@ class Noise:
 
     @property
     def total(self) -> float:
-        """The unit of errors: the floor, else the scatter of one reading against the truth."""
+        """Return the unit of errors: the floor, else the scatter of one reading about the truth."""
         return float(np.hypot(self.within, self.between)) if self.floor is None else self.floor
 
     def correlation(self, step_s: float) -> float:
-        """Correlation of neighbouring readings so far apart."""
+        """Return the correlation of neighbouring readings `step_s` apart."""
         return float(np.exp(-step_s / self.memory_s)) if self.memory_s > 0 else 0.0
 
 
-def noise_of(
+def output_noise(
     floor: Floor | None, measurement: Measurement, groups: Sequence[RepeatGroup], residuals: Sequence[Array]
 ) -> Noise:
-    """The noise of one output.
+    """Return the noise of one output.
 
-    With repeats, offsets and memory are those of the repeats' deviations from their mean, which no model enters.
+    With repeats, offsets and memory are estimated from the repeats' deviations from their mean, without a model.
     With a stated sigma alone, the memory follows from neighbours: Var(r_i − r_{i−1}) = 2 σ² (1 − φ). With neither, the
-    residual stands for the noise, model error included: then only what stands out of it can be significant.
+    residual itself is taken as noise, model error included: only places that exceed it can then be significant.
 
     Args:
         residuals: for each run (t,) measured − predicted.
@@ -98,14 +98,14 @@ def noise_of(
     if floor is None or floor.source not in ("repeats", "stated sigma"):
         rms = float(np.sqrt(np.nanmean(np.concatenate(residuals) ** 2)))
         unit = floor.value if floor is not None and floor.value > 0 else rms
-        found = autocorrelation([clock_of(run) for run in measurement.runs], list(residuals))
+        found = autocorrelation([run_clock(run) for run in measurement.runs], list(residuals))
         memory = _memory(found.time_scale, found.slot_s)
         return Noise(rms if rms > 0 else 1.0, memory_s=memory, floor=unit if unit > 0 else 1.0)
     if floor.between is None:
         memory = _memory_beside(floor.value, measurement, residuals)
         return Noise(floor.value, memory_s=memory, floor=floor.value)
     within = min(floor.within, floor.value)
-    scale, memory = _colour_of_repeats(floor.output, measurement, groups)
+    scale, memory = _repeat_autocorrelation(floor.output, measurement, groups)
     longest = max(len(run) for run in measurement.runs)
     offsets = max(floor.between, floor.value) ** 2 - within**2
     unseen = SMALLEST_OFFSET * within**2 * scale / longest
@@ -122,17 +122,17 @@ def noise_of(
 
 
 def _memory(scale: float, step_s: float) -> float:
-    """Time constant of the first-order noise that shrinks a sample as much: n/n_eff = (1 + φ)/(1 − φ)."""
+    """Return the time constant of first-order noise with the given n/n_eff = (1 + φ)/(1 − φ)."""
     phi = (scale - 1) / (scale + 1)
     return float(-step_s / np.log(min(phi, LONGEST))) if phi > 0 else 0.0
 
 
-def _colour_of_repeats(
+def _repeat_autocorrelation(
     output: str, measurement: Measurement, groups: Sequence[RepeatGroup]
 ) -> tuple[float, float]:
-    """n / n_eff and memory of what repeats do not share, each run's offset taken off.
+    """Return n / n_eff and memory of the deviations of repeats from their mean, each run's offset subtracted.
 
-    Taking offsets off n readings hides a share (n/n_eff)/n of the noise's slow part, which is given back.
+    Subtracting offsets of n readings removes a share (n/n_eff)/n of the noise's slow part, which is corrected.
     """
     clocks, series = [], []
     for group in groups:
@@ -142,7 +142,7 @@ def _colour_of_repeats(
             continue
         wander = table.values - table.values.mean(axis=0)
         wander = wander - wander.mean(axis=1, keepdims=True)
-        step = float(np.median(np.diff(clock_of(runs[0]))))
+        step = float(np.median(np.diff(run_clock(runs[0]))))
         clocks += [step * np.arange(wander.shape[1])] * len(wander)
         series += list(wander)
     if not series:
@@ -154,10 +154,10 @@ def _colour_of_repeats(
 
 
 def _memory_beside(sigma: float, measurement: Measurement, residuals: Sequence[Array]) -> float:
-    """Memory of noise of known standard deviation, from differences of neighbours."""
+    """Return the memory of noise with known standard deviation, from differences of neighbours."""
     differences = np.concatenate([np.diff(values) for values in residuals])
     differences = differences[np.isfinite(differences)]
-    steps = np.concatenate([np.diff(clock_of(run)) for run in measurement.runs])
+    steps = np.concatenate([np.diff(run_clock(run)) for run in measurement.runs])
     if len(differences) < 8 or sigma <= 0:
         return 0.0
     robust = float(np.median(np.abs(differences))) / 0.6745
@@ -173,7 +173,7 @@ LARGEST_Z = 99.0
 class BinMeans:
     """(b,) each: count, effective count, mean, its standard error, z and two-sided p, sum of squares and its p.
 
-    The p of the sum is that of errors which need not have one sign.
+    The p of the sum of squares is sensitive to errors of either sign.
     """
 
     n: Array
@@ -190,10 +190,10 @@ class BinMeans:
 def bin_means(
     residuals: Sequence[Array], codes: Sequence[Codes], n_bins: int, noise: Noise, steps_s: Sequence[float]
 ) -> BinMeans:
-    """Mean residual of every bin, and whether noise alone would do that.
+    """Return the mean residual of every bin, and its probability under noise alone.
 
     Args:
-        residuals: per run (t,), NaN where there is none.
+        residuals: per run (t,), NaN where missing.
         codes: per run (t,) bin numbers below `n_bins`.
         steps_s: per run the time between neighbouring readings.
     """
@@ -221,14 +221,14 @@ def bin_means(
     there = np.isfinite(flat)
     squares = np.asarray(np.bincount(every[there], flat[there] ** 2, n_bins), float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        p_squares = _p_of_squares(squares / n, effective, n**2 / square, noise)
+        p_squares = _noise_probability(squares / n, effective, n**2 / square, noise)
     return BinMeans(n, effective, mean, error, freedom, z, p, squares, p_squares)
 
 
-def _p_of_squares(mean_square: Array, effective: Array, runs: Array, noise: Noise) -> Array:
-    """(b,) chance that noise alone gives so large a mean square; NaN in an empty bin.
+def _noise_probability(mean_square: Array, effective: Array, runs: Array, noise: Noise) -> Array:
+    """Return (b,) the probability that noise alone gives so large a mean square; NaN in an empty bin.
 
-    Over its expectation σ_w² + σ_b² it is taken for an F with the degrees of freedom that its variance has
+    Divided by its expectation σ_w² + σ_b² it is approximated by an F with degrees of freedom that match its variance
     (Satterthwaite 1946): σ_w² from the effective readings, σ_b² from the runs.
     """
     within, between = noise.within**2, noise.between**2
@@ -243,7 +243,7 @@ def _p_of_squares(mean_square: Array, effective: Array, runs: Array, noise: Nois
 
 
 def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -> Array:
-    """(b,) Σ_ij φ^|i−j| over the samples of each bin in one run, by the recursion s_i = φ s_{i−1} + w_i."""
+    """Return (b,) Σ_ij φ^|i−j| over the samples of each bin in one run, by the recursion s_i = φ s_{i−1} + w_i."""
     if not len(code):
         return np.zeros(n_bins)
     member = (code[:, None] == np.arange(n_bins)) & there[:, None]
@@ -255,7 +255,7 @@ def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -
 
 
 def significant(p: Array, level: float) -> Array:
-    """(m,) bool: which of m tests stand after controlling the false discovery rate (Benjamini and Hochberg 1995)."""
+    """Return (m,) which tests are significant under a controlled false discovery rate (Benjamini and Hochberg 1995)."""
     adjusted = scipy.stats.false_discovery_control(np.where(np.isfinite(p), p, 1.0)) if len(p) else p
     return np.asarray(adjusted <= level)
 
@@ -263,7 +263,7 @@ def significant(p: Array, level: float) -> Array:
 LEVEL = 0.05  # false discovery rate
 MOST_PAIR_BINS = 40
 LISTED = 8
-NOTABLE = 0.02  # more of the error than of the readings, before a place is called bad
+NOTABLE = 0.02  # more of the error than of the readings, for a place to be listed
 
 
 @dataclass(frozen=True)
@@ -281,20 +281,20 @@ class PlaceOutput:
 
 
 @dataclass(frozen=True)
-class Place:
+class ErrorBin:
     """One bin of one covariate, over all outputs.
 
     Attributes:
         covariate, condition: its name, and the bin in words.
-        centre: where it stands on the covariate's axis (SI); NaN for categories.
-        share_of_error: of the squared error in units of the floor; those of one covariate sum to 1.
+        centre: its position on the covariate's axis (SI); NaN for categories.
+        share_of_error: of the squared error in units of the floor; the shares of one covariate sum to 1.
         share_of_samples: likewise of the readings.
         rms_over_floor: root mean square error in units of the floor.
         z: mean error over its standard error, for the output where it is largest.
         output: that output.
-        significant: whether any output's mean error stands after correction for all places.
+        significant: whether any output's mean error is significant after correction for all places.
         outputs: see `PlaceOutput`.
-        loud: whether any output's mean square does, of one sign or not.
+        loud: whether any output's mean square is, for errors of either sign.
     """
 
     covariate: str
@@ -311,19 +311,19 @@ class Place:
 
     @property
     def more_than_noise(self) -> bool:
-        """Whether the error here, of one sign or not, is more than noise."""
+        """Return whether the error here, of either sign, exceeds the noise."""
         return self.significant or self.loud
 
     @property
     def excess(self) -> float:
-        """How much more of the error than of the readings lies here."""
+        """Return the share of the error minus the share of the readings."""
         return self.share_of_error - self.share_of_samples
 
 
-def find_places(
+def bin_errors(
     residuals: Residuals, found: Covariates, noise: Mapping[str, Noise], steps_s: Sequence[float]
-) -> tuple[Place, ...]:
-    """Every bin of every covariate and of some pairs; significance controls the false discovery rate over all.
+) -> tuple[ErrorBin, ...]:
+    """Return every bin of every covariate and of some pairs; significance controls the false discovery rate over all.
 
     Args:
         residuals: see `Residuals`.
@@ -356,7 +356,7 @@ def find_places(
             error = sum(float(means[o].squares[k]) / noise[o].total ** 2 for o in outputs)
             loudest = max(outputs, key=lambda o: abs(outputs[o].z) if np.isfinite(outputs[o].z) else -1.0)
             places.append(
-                Place(
+                ErrorBin(
                     covariate=bins.name,
                     condition=words,
                     centre=bins.centres[k],
@@ -374,7 +374,7 @@ def find_places(
 
 
 def all_bins(found: Covariates) -> list[Bins]:
-    """Bins of every covariate, then of the pairs in `PAIRS` that are not too many."""
+    """Return the bins of every covariate, then of the pairs in `PAIRS` that have few enough."""
     singles = [bins for bins in map(binned, found.items) if len(bins) > 1]
     pairs = []
     for names in PAIRS:
@@ -387,7 +387,7 @@ def all_bins(found: Covariates) -> list[Bins]:
 def _along_chain(
     found: Covariates, residuals: Residuals, noise: Mapping[str, Noise]
 ) -> Iterator[tuple[Bins, Mapping[str, Noise]]]:
-    """One bin for the outputs of each joint or marker, and one for all others, where outputs have numbers."""
+    """Yield one bin for the outputs of each joint or marker, and one for all others, where outputs have numbers."""
     numbers = {output: found.position.get(output) for output in noise}
     if len({k for k in numbers.values() if k is not None}) < 2:
         return
@@ -399,16 +399,16 @@ def _along_chain(
         elif all(output.startswith("tip_") for output in part):
             words = "the tip"
         else:
-            words = listed([unit_of(output).label for output in part])
+            words = listed([output_unit(output).label for output in part])
         codes = tuple(np.zeros(len(run[first]), np.int64) for run in residuals)
         centre = np.nan if k is None else float(k)
         yield Bins("position", NamedUnit("position along the chain"), (words,), codes, (centre,)), part
 
 
-def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, ...]:
-    """Places that hold more of the error than of the readings: those above the noise first, then by that excess.
+def worst_places(places: Sequence[ErrorBin], count: int = LISTED) -> tuple[ErrorBin, ...]:
+    """Return places with more of the error than of the readings: those above the noise first, then by that excess.
 
-    Of places that hold the same readings only the first is listed.
+    Among places with the same readings only the first is listed.
     """
     seen: set[tuple[float, ...]] = set()
     different = []

@@ -1,6 +1,6 @@
-"""What a study's model says about measured runs: the same histories, the same readings.
+"""Prediction of a study's model for measured runs: the same histories, the same readings.
 
-The measurement that a study is compared with.
+`read_study_measurement` reads the measurement with which a study is compared.
 """
 
 from __future__ import annotations
@@ -18,31 +18,33 @@ from pliant.evidence.alignment import Alignment, Turns, components
 from pliant.evidence.release import first_bend, released
 from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
-from pliant.measurements.beginnings import led_in
+from pliant.measurements.beginnings import prepend_ramp
 from pliant.measurements.files import Sources, read_measurements
-from pliant.mechanics.held import BLOCKED, blocked_efforts, imposed, is_held, without_held
+from pliant.mechanics.held import BLOCKED, blocked_efforts, is_held, prescribed_motion, without_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
-from pliant.pipeline.engine_checks import check_capabilities, check_terms
-from pliant.pipeline.study import chain_of_study, physics_of_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.engine_checks import check_capabilities, check_terms, require_histories
+from pliant.pipeline.study import build_study_chain, study_physics
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History, held, run_by_run
 from pliant.records.measurement import Measurement
-from pliant.tabular.opening import is_frame
+from pliant_tables.columns import is_frame
 
 JOINT_ANGLE = re.compile(r"joint_(\d+)_angle(?:_([yz]))?_rad")
 # Of the whole chain: the sum of its joints' coordinates about one axis, over its length for curvatures.
 BEND = re.compile(r"(angle|curvature)(?:_([yz]))?_(?:rad|1_per_m)")
 TRAVELS = ("elongation_strain", "extension_m")
 POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
-# A marker may be said to sit this share of the length outside the chain.
+# A marker may be stated to be outside the chain by this share of its length.
 BEYOND = 0.05
 RunReadings = dict[str, Array]
-# Integration is fine enough where twice as many steps change an output by less than this share of its range.
+# The integration is fine enough if twice as many steps change an output by less than this share of its range.
 CLOSE = 5e-4
-# At most so many steps from sample to sample, and in all runs together.
+# Maximum number of steps from sample to sample, and in all runs together.
 MOST_PARTS, MOST_STEPS = 16, 400_000
+# Maximum number of parts of a step where joints have several coordinates: such a step costs ten times as much.
+MOST_PARTS_SPATIAL = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +58,13 @@ class Prediction:
 class Predictor:
     """A chain in an engine, driven by the histories of a measurement.
 
-    The study's own effects are part of the model; `predict` and `vary` add further ones. `law_error` is the share of
-    the torque range by which the study says that its laws may be off.
+    The study's own effects are part of the model; `predict` and `vary` add further ones. `law_error` is the error of
+    the laws that the study states, as a share of the torque range.
     """
 
     def __init__(
         self,
-        bench: Workbench,
+        bench: RunContext,
         backend: PhysicsBackend,
         chain: ChainModel,
         measurement: Measurement,
@@ -73,10 +75,10 @@ class Predictor:
         self.law_error = law_error
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
-        self._geometry = ChainGeometry.of(self._base.chain)
+        self._geometry = ChainGeometry.from_chain(self._base.chain)
         self.parts = 1
-        self._histories = led_in([run.history for run in measurement.runs])
-        self._alignment = Alignment.of(measurement)
+        self._histories = prepend_ramp([run.history for run in measurement.runs])
+        self._alignment = Alignment.from_measurement(measurement)
         self._turns: tuple[Turns, ...] | None = None
         self._finer: dict[int, Sequence[History]] = {}
         length = float(self._arms()[-1])
@@ -102,52 +104,51 @@ class Predictor:
             )
 
     @staticmethod
-    def of_study(bench: Workbench, study: Study, measurement: Measurement) -> Predictor:
-        """The study's chain, engine and effects.
+    def from_study(bench: RunContext, study: Study, measurement: Measurement) -> Predictor:
+        """Return the predictor of the study's chain, engine and effects.
 
         Raises:
-            UserError: an engine that cannot follow histories, or no output that the model has.
+            UserError: an engine that cannot simulate histories, or no output that the model has.
         """
-        physics = physics_of_study(bench, study)
+        physics = study_physics(bench, study)
         backend: PhysicsBackend = bench.build("physics", physics)
-        if not backend.capabilities.internal_states:
-            raise UserError(
-                f"physics '{physics.kind}' cannot follow measured histories; comparing with measurements "
-                "needs 'physics: quasistatic' or 'physics: mujoco'."
-            )
-        chain = chain_of_study(bench, study).chain
+        require_histories(backend)
+        chain = build_study_chain(bench, study).chain
         check_capabilities(backend, chain, physics.kind)
         return Predictor(bench, backend, chain, measurement, study.effects, study.law_error)
 
     def for_runs(self, measurement: Measurement) -> Predictor:
-        """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""
+        """Return the same model, driven by other runs.
+
+        They may have other outputs; those that the model lacks are omitted.
+        """
         other = copy.copy(self)
         other.measurement, other.parts = measurement, 1
-        other._histories = led_in([run.history for run in measurement.runs])
-        other._alignment = Alignment.of(measurement)
+        other._histories = prepend_ramp([run.history for run in measurement.runs])
+        other._alignment = Alignment.from_measurement(measurement)
         if not other._alignment.has_readings:
             other._alignment = self._alignment.frozen(self.turns, measurement)
         other.outputs, other.missing = other._readable(measurement.outputs)
         return other
 
     def with_engine(self, backend: PhysicsBackend) -> Predictor:
-        """The same model in another engine."""
+        """Return the same model in another engine."""
         other = copy.copy(self)
         other.backend = backend
         return other
 
     def changed(self, change: Callable[[Model], Model]) -> Predictor:
-        """The same runs by another model, the study's effects in place."""
+        """Return the same runs with another model; the study's effects are retained."""
         other = copy.copy(self)
         other._base = change(self._base)
-        other._geometry = ChainGeometry.of(other._base.chain)
+        other._geometry = ChainGeometry.from_chain(other._base.chain)
         return other
 
     def refined(self, parts: int) -> Predictor:
-        """The same model, integrated in `parts` steps from each sample to the next, 1 or an even number.
+        """Return the same model, integrated in `parts` steps from each sample to the next, 1 or an even number.
 
-        The implicit step of the engines has an error of first order in its length, which half as many steps show: twice
-        the finer path less the coarser one is of second order (Richardson, Phil. Trans. R. Soc. A 226, 1927).
+        The implicit step of the engines has a first-order error in its length. Twice the finer path minus the coarser
+        one is of second order (Richardson, Phil. Trans. R. Soc. A 226, 1927).
         """
         if parts == self.parts:
             return self
@@ -161,10 +162,10 @@ class Predictor:
         least: int = 1,
         close: Mapping[str, float] | None = None,
     ) -> int:
-        """The fewest steps from sample to sample, doubled from `least`, that twice as many would hardly change.
+        """Return the steps from sample to sample, doubled from `least` until doubling hardly changes the outputs.
 
-        Dynamics that are faster than the sampling need more of them; models without memory or clock need one.
-        `close`: the change of each output that is none, root mean square in its unit; a share of its range by default.
+        Dynamics faster than the sampling need more of them; models without memory or clock need one. `close`: the
+        negligible change of each output, root mean square in its unit; a share of its range by default.
         """
         timed = sum(len(history) for history in self._histories if history.time_s is not None)
         model = self._changed(self._base, effects)
@@ -175,7 +176,8 @@ class Predictor:
         measured = [run.outputs for run in self.measurement.runs]
         ranges = {name: max(_range(measured, name), _range(here, name)) for name in self.outputs}
         allowed = {name: CLOSE * span for name, span in ranges.items()} | dict(close or {})
-        while parts < MOST_PARTS and 2 * parts * timed <= MOST_STEPS:
+        most = MOST_PARTS if len(self.chain.axes) == 1 else MOST_PARTS_SPATIAL
+        while parts < most and 2 * parts * timed <= MOST_STEPS:
             finer = self.refined(2 * parts).evaluate(effects).runs
             if all(_change(here, finer, name) <= allowed[name] for name in self.outputs):
                 break
@@ -184,23 +186,23 @@ class Predictor:
 
     @property
     def chain(self) -> ChainModel:
-        """The chain with the study's effects."""
+        """Return the chain with the study's effects."""
         return self._base.chain
 
     @property
     def main_axis(self) -> int:
-        """Which of a joint's coordinates is the main one."""
+        """Return the index of a joint's main coordinate."""
         return self._geometry.main
 
     @property
     def remarks(self) -> list[str]:
-        """What was measured and the model does not have, and what of the sensors was fitted, in sentences."""
+        """Return sentences on measured outputs that the model lacks, and on fitted quantities of the sensors."""
         said = [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
         return said if self._alignment.idle else [*said, *self._alignment.sentences(self.turns)]
 
     @property
     def turns(self) -> tuple[Turns, ...]:
-        """The turns of the sensors' frames that fit the study's own model best, by session."""
+        """Return the rotations of the sensors' frames that best fit the study's own model, by session."""
         if self._turns is None:
             sessions = self._alignment.sessions
             estimated = any(session.fixed is None for session in sessions)
@@ -210,14 +212,14 @@ class Predictor:
         return self._turns
 
     def unaligned(self) -> tuple[RunReadings, ...]:
-        """Predictions of the study's own model in the world's and the module's frames."""
+        """Return predictions of the study's own model in the frames of the world and the module."""
         model = self._changed(self._base, ())
         driven = self._reached(model, self._histories)
-        paths, _ = self.backend.follow(model.chain, driven)
+        paths, _ = require_histories(self.backend).follow(model.chain, driven)
         return self._unturned(model, paths, driven, 1)
 
     def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
-        """Predicted outputs of each run, in as many steps as they need; see `Prediction`.
+        """Return the predicted outputs of each run, in as many steps as they need; see `Prediction`.
 
         Raises:
             NotReachedError: no sample of any run has an equilibrium.
@@ -230,7 +232,7 @@ class Predictor:
     def evaluate(
         self, effects: Sequence[EffectConfig] = (), histories: Sequence[History] | None = None
     ) -> Prediction:
-        """The prediction; of other histories than the measured ones where they are given."""
+        """Return the prediction, for `histories` instead of the measured ones if they are given."""
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
         parts = _fitting_parts(model, self.parts)
@@ -244,21 +246,21 @@ class Predictor:
         if any(map(is_held, driven)):
             return self._held(model, driven, parts)
         reached = self._reached(model, self._fine(driven, parts))
-        paths, _ = self.backend.follow(model.chain, reached)
+        paths, _ = require_histories(self.backend).follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
         own = driven is self._histories
         return Prediction(self._read(model, paths, reached, parts, own=own), failed)
 
     def paths(self, effects: Sequence[EffectConfig] = ()) -> tuple[tuple[History, ...], tuple[Followed, ...]]:
-        """What reaches the chain in each run, effects' input maps done, and how the chain follows."""
+        """Return per run the history after the effects' input maps, and the chain's path under it."""
         model = self._changed(self._base, effects)
         reached = tuple(self._reached(model, self._histories))
-        return reached, self.backend.follow(model.chain, reached)[0]
+        return reached, require_histories(self.backend).follow(model.chain, reached)[0]
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
-        """The prediction, and what small changes of the effects' parameters make of it, to first order."""
+        """Return the prediction, and its first-order changes under small changes of the effects' parameters."""
         models = [self._changed(self._base, changed) for changed in (effects, *towards)]
         parts = _fitting_parts(models[0], self.parts)
         found, differences = self._vary(models, parts)
@@ -272,7 +274,7 @@ class Predictor:
     def _vary(
         self, models: Sequence[Model], parts: int
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
-        """Of the first model, towards each of the others."""
+        """Return the prediction of the first model, and its differences to each of the others."""
         model, *others = models
         if any(map(is_held, self._histories)):
             kept = self._held(model, self._histories, parts)
@@ -281,13 +283,13 @@ class Predictor:
         fine = self._fine(self._histories, parts)
         driven = tuple(self._reached(model, fine))
         if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
-            paths, _ = self.backend.follow(model.chain, driven)  # the sensors alone differ
+            paths, _ = require_histories(self.backend).follow(model.chain, driven)  # only the sensors differ
             base = self._read(model, paths, driven, parts)
             failed = int(sum((~path.converged).sum() for path in paths))
             seen = (self._read(other, paths, driven, parts) for other in others)
             return Prediction(base, failed), tuple(_differences(base, there) for there in seen)
         variations = [Variation(m.chain, tuple(self._reached(m, fine))) for m in others]
-        paths, changes = self.backend.follow(model.chain, driven, variations)
+        paths, changes = require_histories(self.backend).follow(model.chain, driven, variations)
         base = self._read(model, paths, driven, parts)
         differences = []
         for other, change, variation in zip(others, changes, variations, strict=True):
@@ -298,7 +300,7 @@ class Predictor:
         return Prediction(base, failed), tuple(differences)
 
     def _fine(self, histories: Sequence[History], parts: int) -> Sequence[History]:
-        """At every step; closed valves first, for they hold what a sample commanded. The measured runs' are kept."""
+        """Return histories at every step, closed valves applied first; those of the measured runs are cached."""
         if parts == 1:
             return histories
         kept = self._finer if histories is self._histories else {}
@@ -307,14 +309,14 @@ class Predictor:
         return kept[parts]
 
     def __getstate__(self) -> dict[str, object]:
-        """As it is copied or travels to a worker: what can be made again stays."""
+        """Return the state for copies and workers, without the cached histories."""
         return {**vars(self), "_finer": {}}
 
     def _held(self, model: Model, histories: Sequence[History], parts: int) -> Prediction:
-        """What is read of a joint whose coordinate the bench imposes; effects of inputs act on its supply alone."""
+        """Return the readings of a joint whose coordinate is prescribed; effects of inputs act on its supply alone."""
         fine = [history.refined(parts) for history in histories]
         reached = [model.commanded(without_held(model.chain, history)) for history in fine]
-        coordinates = imposed(model.chain, fine)
+        coordinates = prescribed_motion(model.chain, fine)
         paths = [Followed(u[:, None, None], np.ones(len(u), bool)) for u in coordinates]
         efforts = blocked_efforts(model.chain, reached, coordinates)
         return Prediction(self._read(model, paths, reached, parts, efforts), 0)
@@ -334,9 +336,9 @@ class Predictor:
         efforts: Sequence[Array] = (),
         own: bool = True,
     ) -> tuple[RunReadings, ...]:
-        """What the sensors say at the samples of each run's path under the inputs that reach the chain.
+        """Return the sensors' readings at the samples of each run's path under the inputs that act on the chain.
 
-        `efforts` (t,) of each run with which a held joint pushes back; `own`: they are the measured runs.
+        `efforts` (t,) of each run are the reactions of a held joint; `own`: they are the measured runs.
         """
         runs = self._unturned(model, paths, histories, parts, efforts)
         if self._alignment.idle:
@@ -352,7 +354,7 @@ class Predictor:
         parts: int,
         efforts: Sequence[Array] = (),
     ) -> tuple[RunReadings, ...]:
-        """As `_read`, in the frames of the world and the module, with all components of what is turned."""
+        """Return the readings in the frames of the world and the module, with all components of rotated outputs."""
         wanted = self._wanted()
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
@@ -362,7 +364,7 @@ class Predictor:
         runs, whole = [], bool(np.concatenate([path.converged for path in paths]).all())
         for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
             run = {name: of_runs[name][k] for name in wanted}
-            if model.outputs:  # maps of the readings see the clock and the actuation too
+            if model.outputs:  # maps of the readings also depend on the clock and the actuation
                 clock = {} if history.time_s is None else {"time_s": history.time_s}
                 pushed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
                 reported = model.reported({**run, **clock, "actuation": pushed})
@@ -377,11 +379,11 @@ class Predictor:
         return tuple(runs)
 
     def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
-        """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
+        """Return every output (t,) without sensor effects, from coordinates q (t, n, a) and base angles (t, 3)."""
         angles, wanted = q[:, :, self._geometry.main], self._wanted()
         markers, turned = None, None
         if any(POSITION.fullmatch(name) for name in wanted):
-            geometry = ChainGeometry.of(model.chain)
+            geometry = ChainGeometry.from_chain(model.chain)
             bases = base_rotations(geometry.base_rotation, base_angles)
             markers = trajectory(geometry, q, bases)
             turned = orientations(geometry, q, bases) if self.measurement.marker_offsets_m else None
@@ -397,7 +399,7 @@ class Predictor:
                 place = self._marker(markers, position[2], turned)
                 readings[name] = place[:, "xyz".index(position[3])]
             elif name in BLOCKED.values():
-                continue  # of the laws, not of the pose
+                continue  # from the laws, not from the pose
             elif name == "elongation_strain":
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
             elif name == "extension_m" and self._geometry.slide is not None:
@@ -407,31 +409,33 @@ class Predictor:
         return readings
 
     def _about(self, q: Array, axis: str | None) -> Array:
-        """(t, n) the joints' coordinates about module y or z; the main ones where no axis is named."""
+        """Return (t, n) the joints' coordinates about module y or z; the main ones if no axis is named."""
         return q[:, :, self._geometry.main if axis is None else self._geometry.axes.index(axis)]
 
     def _wanted(self) -> tuple[str, ...]:
-        """The outputs, and with turned frames all components of those that are turned."""
+        """Return the outputs, and with rotated frames all components of the rotated ones."""
         if not self._alignment.sessions:
             return self.outputs
         more = (other for name in self.outputs for other in components(name))
         return tuple(dict.fromkeys((*self.outputs, *(name for name in more if self._has(name)))))
 
     def _reached(self, model: Model, histories: Sequence[History]) -> list[History]:
-        """What reaches the chain, and holds those that are let go at first."""
+        """Return the histories that act on the chain; those of released chains get their initial holding moment."""
         found = [model.commanded(history) for history in histories]
         for k, history in enumerate(found):
             if history.let_go is not None:
                 bend = first_bend(
                     history.let_go, self.measurement.runs[k].outputs, self.chain.length_m, history.run
                 )
-                found[k] = released(self.backend, model.chain, history, bend, self._geometry.main)
+                found[k] = released(
+                    require_histories(self.backend), model.chain, history, bend, self._geometry.main
+                )
         return found
 
     def _marker(self, markers: Array, number: str | None, turned: Array | None) -> Array:
-        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip.
+        """Return (t, 3) the tip, or a marker by its number from 1: at its arm length, or else joints and then the tip.
 
-        `turned` (t, n + 1, 3, 3) are the bodies' orientations, where markers stand beside the centre line.
+        `turned` (t, n + 1, 3, 3) are the bodies' orientations, needed for markers off the centre line.
         """
         if number is None:
             return markers[:, -1]
@@ -449,7 +453,7 @@ class Predictor:
         return np.asarray(place)
 
     def _arms(self) -> Array:
-        """(n + 2,) places of base, joints and tip along the chain at rest."""
+        """Return (n + 2,) positions of base, joints and tip along the chain at rest."""
         lengths = [float(np.linalg.norm(joint.offset_m)) for joint in self.chain.joints]
         return np.cumsum([0.0, *lengths, float(np.linalg.norm(self.chain.tip_offset_m))])
 
@@ -471,22 +475,22 @@ class Predictor:
         return name in TRAVELS and (prismatic or (name == "extension_m" and self._geometry.slide is not None))
 
     def _turns_about(self, axis: str | None) -> bool:
-        """Whether the joints turn, and about module y or z where one is named."""
+        """Return whether the joints rotate, about module y or z if one is named."""
         return self._geometry.turns and (axis is None or axis in self._geometry.axes)
 
 
 def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
-    """Readings there less those of the base, run by run."""
+    """Return the differences of readings to those of the base, run by run."""
     return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
 
 
 def _fitting_parts(model: Model, parts: int) -> int:
-    """One with masses that are accelerated: their term is of second order and damps swings that no sample sees."""
+    """Return `parts`, or 1 with inertia: its term is of second order and damps oscillations between the samples."""
     return 1 if any(term.is_inertia for term in model.chain.terms) else parts
 
 
 def _extrapolated(fine: Sequence[RunReadings], coarse: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
-    """Of second order in the step, from two of first order, one with twice the steps of the other."""
+    """Return readings of second order in the step, from two of first order, one with twice the steps of the other."""
     return tuple(
         {name: 2.0 * values - b[name] for name, values in a.items()}
         for a, b in zip(fine, coarse, strict=True)
@@ -500,7 +504,7 @@ def _range(runs: Sequence[Mapping[str, Array]], name: str) -> float:
 
 
 def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str) -> float:
-    """Root mean square of what an output changes by, over the samples that both have."""
+    """Return the root mean square change of an output over the samples that both have."""
     difference = np.concatenate([a[name] - b[name] for a, b in zip(one, other, strict=True)])
     there = difference[np.isfinite(difference)]
     return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
@@ -509,13 +513,14 @@ def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str)
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
 
 
-def measurement_of_study(bench: Workbench, study: Study, data: Sources = None) -> Measurement:
+def read_study_measurement(bench: RunContext, study: Study, data: Sources = None) -> Measurement:
     """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
 
-    Several files, or a pattern for them, are one measurement, in their order: the block's renames, units and sigmas
-    hold for all of them; where `data` are given, its exclusions are of the first. `data` may be pandas frames too.
+    Several files, or a pattern for them, are read as one measurement, in their order: the block's renames, units and
+    sigmas apply to all of them. If `data` are given, its exclusions apply to the first. `data` may also be pandas
+    frames.
 
-    The ranges that the model knows (its laws' domains, the chain's length) are used to notice a wrong unit.
+    The ranges that the model covers (its laws' domains, the chain's length) are used to detect a wrong unit.
 
     Raises:
         UserError: no file is named, or it cannot be read.
@@ -527,7 +532,7 @@ def measurement_of_study(bench: Workbench, study: Study, data: Sources = None) -
             f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
             "or give --data bench.csv."
         )
-    chain = chain_of_study(bench, study).chain
+    chain = build_study_chain(bench, study).chain
     return read_measurements(
         data if given or settings is None else settings.file,
         settings,
@@ -539,7 +544,7 @@ def measurement_of_study(bench: Workbench, study: Study, data: Sources = None) -
 
 
 def expected_ranges(chain: ChainModel) -> Mapping[str, tuple[float, float]]:
-    """Column → range in which the model expects it: inputs, angles and positions."""
+    """Return column → expected range, for inputs, angles and positions."""
     domains = [chain.laws[joint.law].domain for joint in chain.joints]
     low = float(min(np.min(domain.actuation) for domain in domains))
     high = float(max(np.max(domain.actuation) for domain in domains))

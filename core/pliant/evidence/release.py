@@ -1,8 +1,8 @@
-"""Free swings: the end moment that holds a chain where a run begins, and that is gone at the next sample.
+"""Released runs: the end moment that deflects a chain at the start of a run and is zero from the next sample on.
 
-A run that was let go (`History.let_go`) begins at rest under a moment m about the main axis for which the bend is as
-stated, or as read first; once m is gone the chain swings by its own inertia and damping. m depends on the
-model, so it is solved for each one: by secants on the equilibrium of the first sample alone.
+A released run (`History.let_go`) begins at rest under a moment m about the main axis for which the bend equals the
+stated one, or the first reading; after m is removed the chain oscillates with its own inertia and damping. m depends on
+the model and is solved for each by the secant method on the equilibrium of the first sample.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.physics import HistoryBackend
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History, LetGo
 
-# What is read of a bend about the main axis, and whether it is over the chain's length.
+# Readings of a bend about the main axis, and whether they are divided by the chain's length.
 READ = {"angle_rad": False, "angle_y_rad": False, "curvature_1_per_m": True, "curvature_y_1_per_m": True}
 FIRST_N_M = 1e-6
 MOST_STEPS, CLOSE_RAD = 20, 1e-9
 
 
 def first_bend(stated: LetGo, outputs: Mapping[str, Array], length_m: float, run: str) -> float:
-    """Return the bend at which a run was held, rad.
+    """Return the initial bend of a released run, rad.
 
     Raises:
         UserError: its first reading of a bend is missing.
@@ -41,16 +41,16 @@ def first_bend(stated: LetGo, outputs: Mapping[str, Array], length_m: float, run
 
 
 def released(
-    backend: PhysicsBackend, chain: ChainModel, history: History, bend_rad: float, main: int
+    backend: HistoryBackend, chain: ChainModel, history: History, bend_rad: float, main: int
 ) -> History:
-    """Return the history that begins at rest with this bend, held by a moment at its end until it is let go.
+    """Return the history that begins at rest with this bend, under an end moment until its release.
 
     Args:
         backend: the engine.
         chain: with the terms of its effects.
-        history: as it reaches the chain.
+        history: the inputs that act on the chain.
         bend_rad: sum of the joints' main coordinates at the first sample.
-        main: which coordinate of a joint is the main one.
+        main: index of a joint's main coordinate.
     """
     first = history.at_samples(np.array([0]))
 
@@ -66,7 +66,7 @@ def released(
         after = here - miss * (here - before) / (miss - missed)
         before, missed, here = here, miss, after
         miss = bend(here) - bend_rad
-        while not np.isfinite(miss) and abs(here - before) > 1e-12:  # too far: half of the way
+        while not np.isfinite(miss) and abs(here - before) > 1e-12:  # too far: halve the step
             here = 0.5 * (here + before)
             miss = bend(here) - bend_rad
     assert history.let_go is not None

@@ -1,9 +1,10 @@
 """Errors of outputs, runs and conditions against the noise.
 
-Intervals of an error by resampling blocks: whole runs where there are enough, else stretches of runs.
+Intervals of an error are found by resampling blocks: whole runs if there are enough, else stretches of runs.
 
-Blocks keep the colour of the noise (Künsch 1989). Percentile intervals of few blocks are too narrow; the percentiles
-are moved outwards to Φ(√(m/(m−1)) t_{α/2, m−1}) of m blocks (Hesterberg 2015, The American Statistician 69, 4).
+Blocks preserve the autocorrelation of the noise (Künsch 1989). Percentile intervals of few blocks are too narrow; the
+percentiles are moved outwards to Φ(√(m/(m−1)) t_{α/2, m−1}) of m blocks (Hesterberg 2015, The American Statistician 69,
+4).
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ import numpy as np
 import scipy
 
 from pliant.evidence.covariates import Covariates, binned
-from pliant.evidence.places import Noise, Residuals, coloured_count
+from pliant.evidence.places import Noise, Residuals
 from pliant.measurements.floors import Floor
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.units import si_unit
 
-ENOUGH_RUNS = 8  # fewer are cut into stretches
+ENOUGH_RUNS = 8  # fewer are divided into stretches
 REPLICATES = 1000
 BLOCKS_WANTED = 24  # stretches in all when runs are cut
 Interval = tuple[float, float]
@@ -29,11 +30,11 @@ NONE: Interval = (np.nan, np.nan)
 
 
 def block_sums(columns: Sequence[Array], shortest: Sequence[float]) -> Array:
-    """(m, c) sums over blocks: whole runs, or where they are few, stretches of at least `shortest` samples.
+    """Return (m, c) sums over blocks: whole runs, or if they are few, stretches of at least `shortest` samples.
 
     Args:
-        columns: per run (t, c) what is summed.
-        shortest: per run the samples that its noise needs to forget itself.
+        columns: per run (t, c) the summands.
+        shortest: per run the number of samples over which its noise decorrelates.
     """
     filled = [(run, least) for run, least in zip(columns, shortest, strict=True) if len(run)]
     if len(filled) >= ENOUGH_RUNS:
@@ -49,7 +50,7 @@ def block_sums(columns: Sequence[Array], shortest: Sequence[float]) -> Array:
 def interval(
     sums: Array, statistic: Callable[[Array], Array], seed: int = 0, confidence: float = 0.95
 ) -> Interval:
-    """Interval of a statistic of summed columns.
+    """Return the interval of a statistic of summed columns.
 
     Args:
         sums: (m, c) from `block_sums`.
@@ -59,7 +60,7 @@ def interval(
     if m < 3:
         return NONE
     weights = np.random.default_rng(seed).multinomial(m, np.full(m, 1 / m), size=REPLICATES)
-    with np.errstate(invalid="ignore", divide="ignore"):  # a draw may leave out all that was read
+    with np.errstate(invalid="ignore", divide="ignore"):  # a resample may have no reading
         values = statistic(weights @ sums)
     values = values[np.isfinite(values)]
     if len(values) < REPLICATES // 2:
@@ -84,7 +85,7 @@ SET_BY_THE_BENCH = (
 
 @dataclass(frozen=True)
 class OutputError:
-    """One output, SI: intervals are 95 % (see `bootstrap`); `source` is that of `noise_floor`."""
+    """One output, SI: intervals are 95 % (see `interval`); `source` is that of `noise_floor`."""
 
     rmse: float
     unit: str
@@ -123,17 +124,22 @@ class GroupError:
 
 
 def output_error(
-    name: str, residuals: Residuals, floor: Floor | None, noise: Noise, steps_s: Sequence[float], seed: int
+    name: str,
+    residuals: Residuals,
+    floor: Floor | None,
+    noise: Noise,
+    steps_s: Sequence[float],
+    worth: float,
+    seed: int,
 ) -> OutputError:
-    """The error of one output, `steps_s` between neighbouring readings of each run."""
+    """Return the error of one output.
+
+    `steps_s` is the time between neighbouring readings of each run, `worth` the number of independent readings.
+    """
     series = [run[name] for run in residuals]
     columns = [np.stack([np.isfinite(s), np.nan_to_num(s), np.nan_to_num(s) ** 2], axis=1) for s in series]
     n, total, square = np.sum([c.sum(axis=0) for c in columns], axis=0)
     sums = block_sums(columns, _blocks(noise, steps_s))
-    coloured = sum(
-        float(coloured_count(np.zeros(len(s), np.int64), np.isfinite(s), 1, noise.correlation(step_s))[0])
-        for s, step_s in zip(series, steps_s, strict=True)
-    )
     rmse, value = float(np.sqrt(square / n)), np.nan if floor is None else floor.value
     return OutputError(
         rmse=rmse,
@@ -146,7 +152,7 @@ def output_error(
         bias_interval=interval(sums, lambda s: s[:, 1] / s[:, 0], seed),
         noise=noise,
         n=int(n),
-        n_effective=float(n**2 / coloured),
+        n_effective=worth,
     )
 
 
@@ -164,7 +170,7 @@ def overall(
 
 
 def _blocks(noise: Noise, steps_s: Sequence[float]) -> list[float]:
-    """Per run the samples after which the noise has forgotten itself."""
+    """Return per run the number of samples over which the noise decorrelates."""
     return [FORGETTING * noise.memory_s / step_s if step_s > 0 else 1.0 for step_s in steps_s]
 
 
@@ -176,7 +182,7 @@ def group_error(
     known: bool,
     numbers: tuple[int, ...],
 ) -> GroupError:
-    """The error over these runs; `words` are those of every run, `known` whether every output has a floor."""
+    """Return the error over these runs; `words` are those of every run, `known` whether every output has a floor."""
     total = sum(float(np.nansum((run[o] / noise[o].total) ** 2)) for run in residuals for o in noise)
     series = {o: np.concatenate([residuals[k][o] for k in numbers]) for o in noise}
     there = {o: s[np.isfinite(s)] for o, s in series.items()}
@@ -192,7 +198,7 @@ def group_error(
 
 
 def run_words(found: Covariates, n_runs: int) -> list[tuple[str, ...]]:
-    """What sets each run apart: its rate, its specimen, and loads and conditions that are not the usual ones."""
+    """Return what distinguishes each run: its rate, its specimen, and unusual loads and conditions."""
     parts: list[list[str]] = [[] for _ in range(n_runs)]
     for item in found.items:
         if item.name.startswith("rate_"):

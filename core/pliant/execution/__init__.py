@@ -1,1 +1,1 @@
-"""How work is spread over this process, worker processes or a cluster, and what happens when a worker dies."""
+"""Distribution of work over this process, worker processes or a cluster, and recovery from dead workers."""

@@ -1,14 +1,14 @@
-"""Who does the work: this process, worker processes of our own, or any executor that is given, a dask cluster's too.
+"""Executors: this process, Pliant's own worker processes, or any given executor, including a dask cluster's.
 
-What happens when a worker dies is decided in `pliant.execution.jobs`; an executor only replaces its workers when it
-is asked to (`restart`).
+`pliant.execution.jobs` decides what happens when a worker dies; an executor only replaces its workers on request
+(`restart`).
 
-Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: what it adds, functions
-without a module and scripts without a `__main__` guard, is not worth a dependency, and one dead worker ends the whole
-pool there, too.
+Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: it adds functions
+without a module and scripts without a `__main__` guard, which do not justify a dependency, and one dead worker ends the
+whole pool there, too.
 
-They have one BLAS thread each, and hold the reading end of a pipe whose writing end only the driver has: they end when
-it closes, be it that the driver stops them or that it was killed.
+They have one BLAS thread each, and the reading end of a pipe whose writing end only the driver has: they end when it
+closes, whether the driver stops them or was killed.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from pliant.errors import MissingDependencyError, UserError
 
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 MOST_WORKERS = 1024
-MOST_THREADS = 4  # what stays under Python's lock, about a fifth of a diagnosis, keeps more of them waiting
+MOST_THREADS = 4  # the part under Python's lock, about a fifth of a diagnosis, makes more threads wait
 CONNECT_S = 10
 COUNT_EVERY_S = 10.0
 
 
 class Executor(ABC):
-    """Runs functions of a module with plain values.
+    """An executor that runs functions of a module with plain values.
 
     Attributes:
-        size: how many run at a time; None where only the executor itself knows.
+        size: how many calls run at a time; None if only the executor knows.
         remote: whether its workers may have other code or another file system than this process.
     """
 
@@ -51,22 +51,22 @@ class Executor(ABC):
 
     @abstractmethod
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
-        """Begin a call of a module's function with plain values; its future."""
+        """Submit a call of a module's function with plain values and return its future."""
 
     def capacity(self) -> int | None:
-        """How many run at a time as things stand; None where that is not known."""
+        """Return how many calls can run at a time at present; None where that is not known."""
         return self.size
 
     def restart(self) -> bool:
-        """Replace the workers after one has died; False where that is not possible."""
+        """Replace the workers after one has died; return False where that is not possible."""
         return False
 
     def shutdown(self, at_once: bool) -> None:  # noqa: B027 - most have nothing to let go
-        """Let the workers go; at once: what runs is cut off. Those of the caller's stay."""
+        """Release the workers; `at_once` cancels running calls. Workers of the caller's executor stay."""
 
 
 class InlineExecutor(Executor):
-    """This process does each call when it is submitted."""
+    """This process, which runs each call when it is submitted."""
 
     size: int | None = 1
 
@@ -77,7 +77,7 @@ class InlineExecutor(Executor):
 
 
 class ProcessExecutor(Executor):
-    """Processes of our own, begun when there is work for them."""
+    """Worker processes of this machine, started when there is work for them."""
 
     def __init__(self, workers: int) -> None:
         self.size = self._workers = workers
@@ -94,9 +94,9 @@ class ProcessExecutor(Executor):
             try:
                 return self._pool.submit(function, *values)
             except OSError as error:
-                if error.errno is not None:  # the system's: too many files, no memory
+                if error.errno is not None:  # an error of the system: too many files, no memory
                     raise
-                raise futures.BrokenExecutor(  # the pool closed its pipes while this process began
+                raise futures.BrokenExecutor(  # the pool closed its pipes while this process started
                     "a worker died while another began"
                 ) from error
 
@@ -112,7 +112,7 @@ class ProcessExecutor(Executor):
 
 
 class ThreadExecutor(Executor):
-    """Threads of this process, for work that is mostly compiled loops without Python's lock."""
+    """Threads of this process, for work that is mostly compiled loops that release Python's lock."""
 
     def __init__(self, threads: int) -> None:
         self.size = threads
@@ -138,7 +138,7 @@ class FuturesExecutor(Executor):
 
 
 class DaskExecutor(FuturesExecutor):
-    """The workers of a dask cluster; the connection ends with it, the cluster stays.
+    """The workers of a dask cluster; the connection ends with this executor, the cluster stays.
 
     Args:
         scheduler: its address, tcp://host:8786, or its file.
@@ -150,15 +150,15 @@ class DaskExecutor(FuturesExecutor):
 
     def __init__(self, scheduler: str) -> None:
         try:
-            distributed = importlib.import_module("distributed")  # by name: only work on a cluster needs it
+            distributed = importlib.import_module("distributed")  # by name: needed only on a cluster
         except ImportError:
             raise MissingDependencyError(
                 "work on a dask cluster needs dask: pip install 'pliant[cluster]'."
             ) from None
         address = scheduler if "://" in scheduler else _address_in(Path(scheduler))
         try:
-            self._client = _client_of(distributed.Client, address)
-        except Exception as error:  # what answers there may be no scheduler, and say anything
+            self._client = _connect_client(distributed.Client, address)
+        except Exception as error:  # the answering server may be no scheduler and raise anything
             cause = " ".join(str(error).split()) or type(error).__name__
             raise UserError(
                 f"no scheduler answers at {scheduler} ({cause[:200]}); start one with 'dask scheduler'."
@@ -167,7 +167,7 @@ class DaskExecutor(FuturesExecutor):
         self._counted: tuple[float, int | None] = (-COUNT_EVERY_S, None)
 
     def capacity(self) -> int | None:
-        """Threads of all workers, asked for now and then: they come and go."""
+        """Return the number of threads of all workers, queried now and then because workers join and leave."""
         if time.monotonic() - self._counted[0] >= COUNT_EVERY_S:
             self._counted = time.monotonic(), sum(self._client.nthreads().values()) or None
         return self._counted[1]
@@ -176,14 +176,14 @@ class DaskExecutor(FuturesExecutor):
         self._client.close(timeout=CONNECT_S)
 
 
-def _client_of(client: Callable[..., Any], address: str) -> Any:
-    """dask's client, or its error; a `TimeoutError` where what answers says nothing, on which it waits for ever."""
+def _connect_client(client: Callable[..., Any], address: str) -> Any:
+    """Return dask's client, or its error; a `TimeoutError` where no answer comes, for which dask waits for ever."""
     found: futures.Future[Any] = futures.Future()
 
     def connect() -> None:
         try:
             found.set_result(client(address, timeout=CONNECT_S, set_as_default=False))
-        except Exception as error:  # of whatever kind: it is raised below
+        except Exception as error:  # of any kind: it is raised below
             found.set_exception(error)
 
     threading.Thread(target=connect, daemon=True).start()
@@ -196,15 +196,15 @@ Workers: TypeAlias = int | str | futures.Executor | Executor | None
 
 @contextmanager
 def executor_for(workers: Workers, most: int | None = None, threads: int = 1) -> Iterator[Executor]:
-    """The executor that is meant, for the time of the block; an error in the block cuts off what runs.
+    """Yield the requested executor for the time of the block; an error in the block cancels running calls.
 
     Args:
-        workers: one process is this one; executors of the caller's are not shut down.
-        most: calls that there will be at most: no more processes are begun.
-        threads: of this process, where it is the one that works; see `own_threads`.
+        workers: 1 means this process; executors of the caller's are not shut down.
+        most: largest number of calls: no more processes are started.
+        threads: of this process, if it does the work; see `own_threads`.
 
     Raises:
-        UserError: a number that is none, or no scheduler answers.
+        UserError: an invalid number of workers, or no scheduler answers.
     """
     if isinstance(workers, str):
         executor: Executor = DaskExecutor(workers)
@@ -226,37 +226,37 @@ def executor_for(workers: Workers, most: int | None = None, threads: int = 1) ->
 
 
 def either(executor: Workers, workers: int | None, what: str) -> Workers:
-    """The one that is given; raises `UserError` where both are."""
+    """Return the given one; raises `UserError` where both are given."""
     if executor is not None and workers is not None:
         raise UserError(f"{what} takes an executor or a number of workers, not both.")
     return workers if executor is None else executor
 
 
 def cpus() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def own_threads() -> int:
-    """Threads for compiled loops of this process: as many as BLAS may have, `OMP_NUM_THREADS`, or a few.
+    """Return the number of threads for compiled loops of this process: that of BLAS, `OMP_NUM_THREADS`, or a few.
 
-    A worker process has one (`one_thread_each`), so that nothing is threaded twice.
+    A worker process has one (`one_thread_each`), so that threads are not nested.
     """
     stated = os.environ.get(THREADS[0], "")
     return max(int(stated), 1) if stated.isdecimal() else min(cpus(), MOST_THREADS)
 
 
 def checked_workers(workers: int) -> int:
-    """The number of workers; raises `UserError` where it is none."""
+    """Return the number of workers; raises `UserError` for an invalid one."""
     if isinstance(workers, bool) or not 1 <= workers <= MOST_WORKERS:
         raise UserError(f"workers is {workers}; it needs a whole number from 1 to {MOST_WORKERS}.")
     return workers
 
 
 def _address_in(file: Path) -> str:
-    """The address in a scheduler's file; dask itself would wait for ever for a file that is none."""
+    """Return the address in a scheduler's file; raises for an invalid one, on which dask would wait for ever."""
     try:
         return str(json.loads(file.read_text(encoding="utf-8"))["address"])
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -269,7 +269,7 @@ def _address_in(file: Path) -> str:
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """The environment of processes that begin now: their number is the parallelism, unless the user said otherwise."""
+    """Limit processes that start now to one thread each, unless the user set another number."""
     missing = [name for name in THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(missing, "1"))
     try:
@@ -281,11 +281,11 @@ def one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def ignore_sigint() -> Iterator[None]:
-    """Ctrl-C is the driver's to answer: processes that begin now do not hear it, this one hears it afterwards."""
+    """Let only the driver handle Ctrl-C: processes that start now ignore it, this process receives it afterwards."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # its start would unblock the signal
+    resource_tracker.ensure_running()  # starting the tracker would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -294,7 +294,7 @@ def ignore_sigint() -> Iterator[None]:
 
 
 def _begin_worker(driver: Connection) -> None:
-    """A worker begins; without a driver there is nothing for it to do."""
+    """Start a worker that ends with its driver."""
 
     def end_with_it() -> None:
         try:

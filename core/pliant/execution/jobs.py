@@ -1,8 +1,8 @@
-"""Jobs out, results back, dead workers replaced: the one place that says what happens when a worker dies.
+"""A queue of jobs before an executor, with replacement of dead workers.
 
-A worker that dies takes its jobs with it. Who ran then is suspect and runs again, alone; who kills a worker twice, the
-second time alone, has failed, and the others lose nothing. A cluster replaces its workers itself and tries again
-elsewhere; a job that it gives up as the killer of several is a suspect in the same way.
+A worker that dies loses its jobs. The jobs that were running are suspect and run again, alone; a job that kills a
+worker twice, the second time alone, has failed, and the others are not affected. A cluster replaces its workers itself
+and tries again on another one; a job that it gives up after several deaths is a suspect in the same way.
 """
 
 from __future__ import annotations
@@ -15,38 +15,38 @@ from typing import Any, Generic, TypeVar
 
 from pliant.errors import NotReachedError, PliantError, UserError, interrupted
 from pliant.execution.executors import Executor
-from pliant.execution.progress import Progress, Silent, bar_of
+from pliant.execution.progress import Progress, Silent, open_progress_bar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MOST_DEATHS = 2  # of its worker while no other job ran that may be to blame, after which a job is given up
+MOST_DEATHS = 2  # deaths of its worker, no other job running, after which a job has failed
 KILLED = (
     f"its worker was killed {MOST_DEATHS} times, the last time alone (out of memory, "
     "or a crash of the engine or solver)"
 )
-KILLED_WORKER = "KilledWorker"  # dask's error, by name: dask is imported by those only who use it
-MOST_TRIES = 2  # of a job that the executor loses without the death of a worker
-FAILED_AT_START = 2  # so many times may workers end before they begin
+KILLED_WORKER = "KilledWorker"  # dask's error, by name: dask is imported only where it is used
+MOST_TRIES = 2  # losses of a job without the death of a worker
+FAILED_AT_START = 2  # the number of times that workers may end before they begin
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why an item has no result; `error` is what it raised, None where it killed its worker."""
+    """The reason why an item has no result; `error` is the raised exception, None where it killed its worker."""
 
     cause: str
     error: BaseException | None = None
 
     @classmethod
-    def of(cls, error: BaseException) -> Failure:
-        """Of what was raised, in one line."""
+    def from_exception(cls, error: BaseException) -> Failure:
+        """Return the failure of an exception, described in one line."""
         text = " ".join(str(error).split())
         return cls(f"{type(error).__name__}: {text}" if text else type(error).__name__, error)
 
 
 @dataclass(frozen=True)
 class Finished(Generic[Item, Result]):
-    """An item that came back, with its result or the failure; `key` as it was submitted."""
+    """A finished item with its result or the failure; `key` is that of `submit`."""
 
     key: Any
     item: Item
@@ -54,7 +54,7 @@ class Finished(Generic[Item, Result]):
     failure: Failure | None = None
 
     def unwrap(self) -> Result:
-        """The result; raises what the item raised, or `NotReachedError` where it killed its worker."""
+        """Return the result; raises the item's exception, or `NotReachedError` where it killed its worker."""
         if self.failure is None:
             return self.result  # type: ignore[return-value]
         raise self.failure.error or NotReachedError(
@@ -64,7 +64,7 @@ class Finished(Generic[Item, Result]):
 
 @dataclass(frozen=True)
 class _Job:
-    """Items that travel together; of a single one, how many workers died and how many tries were lost under it."""
+    """Items that are submitted together; for a single one, its number of worker deaths and of lost tries."""
 
     key: Hashable
     items: tuple[Any, ...]
@@ -72,18 +72,18 @@ class _Job:
     losses: int = 0
 
     def singles(self, losses: int = 0) -> list[_Job]:
-        """Each item by itself: it may not have been this one."""
+        """Return a job for each item, so that the failing item can be identified."""
         return [_Job(self.key, (item,), losses=losses) for item in self.items]
 
 
 class JobQueue(Generic[Item, Result]):
-    """A queue before an executor; as a context it takes back at its end what has not begun.
+    """A queue before an executor; as a context it cancels pending jobs at its end.
 
     Args:
         executor: does the work.
-        function: what is done with each item, in a worker. What it raises is its item's failure; a `PliantError` is
-            what every item would meet, and ends all.
-        began: whether a worker has taken an item up, where that can be told: others are not suspect.
+        function: called with each item, in a worker. An exception is its item's failure; a `PliantError` would
+            occur for every item, and ends all.
+        began: whether a worker has started an item, where that is known: others are not suspect.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class JobQueue(Generic[Item, Result]):
 
     @property
     def waiting(self) -> int:
-        """Jobs that have not come back."""
+        """Number of jobs that are not finished."""
         return len(self._queue) + len(self._suspects) + len(self._running)
 
     @property
@@ -116,20 +116,20 @@ class JobQueue(Generic[Item, Result]):
         return [item for job in self._running.values() for item in job.items]
 
     def wait_until_ready(self, progress: Progress, most: int | None = None) -> None:
-        """Wait until workers begin, which takes seconds; in a script without its guard they never do.
+        """Wait until workers are ready, which takes seconds; in a script without a `__main__` guard they never are.
 
         Args:
-            progress: gets a bar of workers.
+            progress: receives a bar of workers.
             most: no more workers than that are needed.
 
         Raises:
-            NotReachedError: they end before they begin.
+            NotReachedError: they end before they are ready.
         """
         size = self.executor.size
         if self._ready or size is None or size == 1:
             return
         size = size if most is None else min(size, most)
-        with bar_of(progress, "workers begin", size) as bar:
+        with open_progress_bar(progress, "workers begin", size) as bar:
             for left in reversed(range(FAILED_AT_START)):
                 try:
                     for future in [self._submitted(()) for _ in range(size)]:
@@ -145,15 +145,15 @@ class JobQueue(Generic[Item, Result]):
         self._ready = True
 
     def submit(self, items: Sequence[Item], key: Hashable = None) -> None:
-        """Hand in items that travel together."""
+        """Submit items that travel together."""
         self._queue.append(_Job(key, tuple(items)))
         self._fill()
 
     def completed(self, timeout_s: float | None = None) -> list[Finished[Item, Result]]:
-        """Items that have come back; waits for the first, or for so long.
+        """Return finished items; waits for the first one, or for the timeout.
 
         Raises:
-            UserError: what every item would meet.
+            UserError: an error that would occur for every item.
             NotReachedError: the executor broke, or processes cannot be started.
         """
         back: list[Finished[Item, Result]] = []
@@ -161,11 +161,11 @@ class JobQueue(Generic[Item, Result]):
             self._fill()
             ended, _ = wait(self._running, timeout=timeout_s, return_when=FIRST_COMPLETED)
             lost, broken = [], False
-            for future in [one for one in self._running if one in ended]:  # in the order of their jobs
+            for future in [one for one in self._running if one in ended]:  # in the order of submission
                 job = self._running.pop(future)
                 try:
                     error = future.exception()
-                except CancelledError as cancelled:  # a cluster raises the error where others return it
+                except CancelledError as cancelled:  # a cluster raises the error, other executors return it
                     error = cancelled
                 if isinstance(error, BrokenExecutor) or type(error).__name__ == KILLED_WORKER:
                     lost.append(job)
@@ -173,7 +173,7 @@ class JobQueue(Generic[Item, Result]):
                     continue
                 self._alone = False
                 back += self._returned(job, future.result()) if error is None else self._lost(job, error)
-            if broken:  # new workers; the jobs that went with the one that died are lost, too
+            if broken:  # new workers; the other jobs of the dead worker's pool are lost, too
                 lost += self._running.values()
                 self._running.clear()
                 self._ready = False
@@ -188,7 +188,7 @@ class JobQueue(Generic[Item, Result]):
         return back
 
     def each(self, items: Sequence[Item]) -> Iterator[Finished[Item, Result]]:
-        """Every item by itself, in their order; nothing else may be under way."""
+        """Yield the results of the items, each a separate job, in their order; no other job may be running."""
         for number, item in enumerate(items):
             self.submit([item], number)
         found: dict[int, Finished[Item, Result]] = {}
@@ -198,7 +198,7 @@ class JobQueue(Generic[Item, Result]):
             yield found.pop(number)
 
     def _fill(self) -> None:
-        """A suspect has the executor for itself; else each worker has a job and one waits for the first."""
+        """Submit jobs: a suspect alone; else one for each worker and one in reserve."""
         if self._alone:
             return
         if self._suspects:
@@ -229,28 +229,28 @@ class JobQueue(Generic[Item, Result]):
         if any(interrupted(error) for _, error in results):
             raise KeyboardInterrupt
         return [
-            Finished(job.key, item, result, None if error is None else Failure.of(error))
+            Finished(job.key, item, result, None if error is None else Failure.from_exception(error))
             for item, (result, error) in zip(job.items, results, strict=True)
         ]
 
     def _lost(self, job: _Job, error: BaseException) -> list[Finished[Item, Result]]:
-        """A job ended in an error that is of all its items, or of the executor: then each item once more."""
+        """Handle a job that ended in an error of the executor: submit each of its items again, or fail."""
         if isinstance(error, PliantError):
             raise error
         if isinstance(error, ImportError):
             raise UserError(f"the workers cannot import what the study needs ({error}); install it there.")
         if len(job.items) == 1 and job.losses + 1 >= MOST_TRIES:
-            return [Finished(job.key, job.items[0], failure=Failure.of(error))]
+            return [Finished(job.key, job.items[0], failure=Failure.from_exception(error))]
         self._queue.extendleft(reversed(job.singles(job.losses + 1)))
         return []
 
     def _killed(self, jobs: Sequence[_Job]) -> list[Finished[Item, Result]]:
-        """Workers died under these jobs: each that had begun runs again alone, or has failed."""
+        """Handle jobs whose workers died: each that had started runs again alone, or has failed."""
         was_alone, self._alone = self._alone, False
         suspect = [any(map(self._began, job.items)) for job in jobs]
         if not any(suspect):
             suspect = [True] * len(jobs)
-        guilty = sum(suspect) == 1  # beside others it may have been the neighbour
+        guilty = sum(suspect) == 1  # of several jobs any may have killed the worker
         failed: list[Finished[Item, Result]] = []
         for job, begun in reversed([*zip(jobs, suspect, strict=True)]):
             if not begun:
@@ -265,12 +265,12 @@ class JobQueue(Generic[Item, Result]):
 
 
 def _run(function: Callable[[Any], Any], items: Sequence[Any]) -> list[tuple[Any, Exception | None]]:
-    """In a worker: result and error of each item; what one raises costs the others nothing."""
+    """Return result and error of each item, in a worker; an exception of one item does not affect the others."""
     found: list[tuple[Any, Exception | None]] = []
     for item in items:
         try:
             found.append((function(item), None))
-        except (PliantError, ImportError):  # what every item would meet
+        except (PliantError, ImportError):  # errors that would occur for every item
             raise
         except Exception as error:
             found.append((None, error))

@@ -1,4 +1,4 @@
-"""How stages tell the outside what they do; the command line draws it, a notebook may ignore it."""
+"""Progress of stages: the command line draws it, a notebook may ignore it."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ class ProgressBar(Protocol):
     """One piece of work with a known or an expected number of steps."""
 
     def advance(self, steps: int = 1) -> None:
-        """Some steps are done."""
+        """Advance by some finished steps."""
 
     def describe(self, text: str) -> None:
-        """What is under way within the present steps."""
+        """Describe the work within the present steps."""
 
     def expect(self, total: int) -> None:
-        """The number of steps is now thought to be `total`."""
+        """Set the expected number of steps to `total`."""
 
     def finish(self) -> None:
-        """The work ended, done or not."""
+        """End the bar, whether the work is finished or not."""
 
 
 class Progress(Protocol):
-    """Receives what a run says while it runs."""
+    """A receiver of the progress of a run."""
 
     def begin(self, title: str, total: int, done: int = 0) -> ProgressBar:
-        """A piece of work begins, `done` of its `total` steps being there already; 0 where nobody knows how many."""
+        """Begin a piece of work, `done` of its `total` steps being finished already; 0 if the total is not known."""
 
     def note(self, text: str) -> None:
-        """One sentence that the user should see."""
+        """Show one sentence that the user should see."""
 
 
 class Silent:
-    """Progress that nobody watches; also its own task."""
+    """Progress that is not shown; also its own task."""
 
     def begin(self, title: str, total: int, done: int = 0) -> Silent:
         return self
@@ -59,7 +59,7 @@ class Silent:
 
 
 class Once:
-    """Progress that says the same sentence once, however many designs give rise to it."""
+    """Progress that passes each sentence on once, however many designs give rise to it."""
 
     def __init__(self, inner: Progress) -> None:
         self._inner, self._said = inner, set[str]()
@@ -74,8 +74,8 @@ class Once:
 
 
 @contextmanager
-def bar_of(progress: Progress, title: str, total: int, done: int = 0) -> Iterator[ProgressBar]:
-    """The bar of a piece of work for the time of the block; see `Progress.begin`."""
+def open_progress_bar(progress: Progress, title: str, total: int, done: int = 0) -> Iterator[ProgressBar]:
+    """Yield the bar of a piece of work for the time of the block; see `Progress.begin`."""
     bar = progress.begin(title, total, done)
     try:
         yield bar
@@ -84,7 +84,7 @@ def bar_of(progress: Progress, title: str, total: int, done: int = 0) -> Iterato
 
 
 class LogBar:
-    """One piece of work in lines, for logs of batch systems: now and then one with the rate and the time left.
+    """One piece of work as lines for logs of batch systems: a line now and then with the rate and the remaining time.
 
     Args:
         say: prints a line.

@@ -1,7 +1,7 @@
-"""How far jobs are, wherever they run: a folder in the artifact store with a small file for each job.
+"""Progress of jobs on any host: a folder in the artifact store with a small file for each job.
 
-That a worker finds the folder shows that it sees the same store. It goes when the work ends; one that a killed driver
-left is known by its lock, which the operating system released, and goes with the next.
+A worker that finds the folder shares the store. The folder is removed when the work ends; the folder of a killed driver
+is recognised by its lock, which the operating system released, and is removed by the next driver.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ class ProgressStore:
         self.folder = folder
 
     def clear(self, number: int) -> None:
-        """Forget how far a job was."""
+        """Delete the progress of a job."""
         (self.folder / str(number)).unlink(missing_ok=True)
 
     def began(self, number: int) -> bool:
-        """Whether a worker has taken the job up."""
+        """Return whether a worker has started the job."""
         return (self.folder / str(number)).exists()
 
     def states(self, numbers: Iterable[int]) -> str:
-        """How far these jobs are, in words; empty where none has begun."""
+        """Return the progress of these jobs in words; empty where none has begun."""
         begun = [count for count in map(self._count, numbers) if count[1]]
         if not begun:
             return ""
@@ -51,13 +51,13 @@ class ProgressStore:
 
 
 class JobProgress:
-    """The worker's side: progress of one job as its file, which the driver reads; also its own bar.
+    """The worker's view: progress of one job as a file, which the driver reads; also its own bar.
 
-    When the driver ends, the folder goes, and the next state of a worker that is beyond its reach is the last.
+    When the driver ends, the folder is removed, and a worker that the driver cannot stop ends after its next state.
 
     Args:
         file: of the job.
-        say: hears of every state where the driver is this process.
+        say: called at every state if the driver is this process.
     """
 
     def __init__(self, file: Path, say: Callable[[str], None] | None = None) -> None:
@@ -96,7 +96,7 @@ class JobProgress:
 
 @contextmanager
 def progress_store_in(store: Path) -> Iterator[ProgressStore]:
-    """A new folder in a store; raises `UserError` where the store cannot be written."""
+    """Yield a new folder in a store; raises `UserError` where the store cannot be written."""
     folder = store.resolve() / FOLDER / uuid.uuid4().hex[:16]
     try:
         folder.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Runs that a bench can do: the menu, a study's own protocols, and the file that the bench fills in.
+"""Experiments: the menu of runs, a study's own protocols, and the file to fill in during the experiment.
 
-Import from the files: `menu.py` holds the default menu, `protocols.py` a study's own runs.
+Import from the modules: `experiment_catalogue.py` has the default menu and a study's own runs.
 """

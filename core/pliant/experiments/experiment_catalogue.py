@@ -1,4 +1,4 @@
-"""The runs of the default menu, and those of a study's `protocols`, ready to be chosen and written for the bench."""
+"""The runs of the default menu, and those of a study's `protocols`, ready to be chosen and written to a file."""
 
 from __future__ import annotations
 
@@ -33,20 +33,21 @@ SLOW_STEP_S, FINE_STEP_S, STEP_RISE_S = 1.0, 0.02, 0.3
 MEDIUM_S, SLOW_S, FAST_S = 20.0, 80.0, 4.0
 TWICE = (1.0, 1.0)
 RISING = (0.3, 0.3, 0.6, 0.6, 1.0, 1.0)
-# A large loop with small ones inside, each turned back before its end.
+# A large loop with small ones inside, each reversed before its end.
 LOOPS = (0.0, 1.0, 0.4, 0.8, 0.3, 0.7, 0.0, 0.6, 0.2, 0.5, 0.0)
 PUSHES = (0.0, 1.0, 0.0, -1.0, 0.5, 0.0)
-PAYLOADS = (0.0, 0.5, 1.0)  # shares of what hung at the tip
+PAYLOADS = (0.0, 0.5, 1.0)  # shares of the payload at the tip
 NUMBERS = {1: "one", 2: "two", 3: "three"}
 WARMER_K = 15.0
 LOADING, TURNING, MOUNTING, HEATING = 3.0, 5.0, 10.0, 15.0
 MOST_ANGLES = 12
+TENDON, PAID_OUT = "tendon_", 0.5
 UNITS = {"_pa": "Pa", "_n": "N", "_m": "m"}
-# Of a bench that recorded no time.
+# For a recording without time.
 STATIC_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 STATIC_PUSHES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 PUSHED_AT = 0.6
-# Turned bases, by name: in words, roll, pitch and yaw.
+# Rotated bases, by name: in words, roll, pitch and yaw.
 TURNED = {
     "level": ("the base horizontal", (0.0, np.pi / 2, 0.0)),
     "upside_down": ("upside down", (0.0, np.pi, 0.0)),
@@ -59,29 +60,33 @@ CAMERA = "a camera or a tracker"
 
 
 def timed_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
-    """All runs of the default menu that make sense for this chain."""
+    """Return all runs of the default menu that are possible for this chain."""
     make = RunMaker(scale)
     builders = [build for name, build in BUILDERS.items() if name in OF_HELD or not scale.is_held]
     return tuple(run for build in builders if (run := build(make, RunShape())) is not None)
 
 
 def slow_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Rates, far apart from those of `fast_cycles`."""
+    """Return slow cycles, whose rates differ widely from those of `fast_cycles`."""
     words = f"cycle slowly, {shape.period_s or SLOW_S:g} s per cycle{_times(shape, 2)}"
     return make.run("slow_cycles", words, make.cycles(shape, SLOW_S, TWICE))
 
 
 def fast_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Rates: what resists motion or comes late shows."""
+    """Return fast cycles, which excite viscous resistance and delays."""
     words = f"cycle quickly, {shape.period_s or FAST_S:g} s per cycle{_times(shape, 15)}"
     return make.run("fast_cycles", words, make.cycles(shape, FAST_S, (1.0,) * 15))
 
 
 def each_input(make: RunMaker, shape: RunShape) -> PlannedRun | None:
-    """Every input by itself, then all together: what each of them moves, and what they do to each other."""
+    """Return a run of every input alone and of all together, which separates their effects and their interaction.
+
+    Two inputs with a law each are separated by `slow_cycles`, which drives them in turn.
+    """
     scale = make.scale
     driven = scale.driven
-    if len(driven) < 2 or all(len(law.actuations) == 1 for law in scale.chain.laws):
+    own_laws = all(len(law.actuations) == 1 for law in scale.chain.laws)
+    if len(driven) < (3 if own_laws else 2):
         return None
     period = shape.period_s or MEDIUM_S
     wave = make.cycles(replace(shape, cycles=len(driven) + 1), period, TWICE, one_way=True)
@@ -96,8 +101,30 @@ def each_input(make: RunMaker, shape: RunShape) -> PlannedRun | None:
     return make.run("each_input", words, wave, inputs=acting)
 
 
+def paid_out(make: RunMaker, shape: RunShape) -> PlannedRun | None:
+    """Return a run in which every tendon in turn is pulled and then paid out, which shows whether it goes slack."""
+    scale = make.scale
+    driven = [name for name in scale.driven if name.startswith(TENDON)]
+    if not driven:
+        return None
+    period = shape.period_s or MEDIUM_S
+    wave = make.cycles(replace(shape, cycles=2 * len(driven)), period / 2, TWICE, one_way=True)
+    half = np.minimum(2.0 * wave.time_s / period, 2 * len(driven) - 1).astype(int)
+    acting = {
+        name: scale.top[name]
+        * wave.share
+        * np.where(half % 2, -PAID_OUT, 1.0)
+        * (half // 2 == driven.index(name))
+        if name in driven
+        else np.zeros(len(wave))
+        for name in scale.top
+    }
+    words = f"each of {', '.join(driven)} alone: pull it, then pay it out by half as much"
+    return make.run("paid_out", words, wave, inputs=acting)
+
+
 def small_loops(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Reversals: what sticks turns back flat."""
+    """Return small loops, whose reversals excite friction and hysteresis."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(LOOPS)))]) * (shape.period_s or MEDIUM_S) / 2
     wave = corners(list(zip(np.round(way * 2) / 2, LOOPS, strict=True)), STEP_S)
     words = "small loops inside a large one at a medium rate: turn back before the ends"
@@ -105,7 +132,7 @@ def small_loops(make: RunMaker, shape: RunShape) -> PlannedRun:
 
 
 def holds(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Holds: what relaxes goes on, and comes back after venting."""
+    """Return constant levels, which excite relaxation, and its recovery after venting."""
     hold = shape.hold_s or 60.0
     wave = steps((*(shape.levels or (0.4, 0.8, 1.0)), 0.0), hold, min(SLOW_STEP_S, hold / 8))
     words = f"raise the drive in steps, hold each for {hold:g} s, release and keep recording"
@@ -113,7 +140,7 @@ def holds(make: RunMaker, shape: RunShape) -> PlannedRun:
 
 
 def virgin(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """A new specimen: what the first loading changes for good."""
+    """Return cycles of a new specimen, which show permanent changes by the first loading."""
     wave = make.cycles(shape, MEDIUM_S, RISING)
     words = "a new specimen, amplitude rising from cycle to cycle, each amplitude twice"
     needs = "a second specimen of the same make"
@@ -132,7 +159,7 @@ def _turned(name: str) -> Callable[[RunMaker, RunShape], PlannedRun]:
 
 
 def warm(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Two medium cycles at another temperature."""
+    """Return two medium cycles at another temperature."""
     usual = make.scale.temperature_c
     there = usual + WARMER_K if shape.temperature_c is None else shape.temperature_c
     words = f"at {there:g} °C, {there - usual:g} K warmer, two medium cycles"
@@ -157,7 +184,7 @@ def _loaded(name: str, words: str) -> Callable[[RunMaker, RunShape], PlannedRun]
 
 
 def payload_steps(make: RunMaker, shape: RunShape) -> PlannedRun | None:
-    """What hangs at the tip: nothing, half of it, all of it; None for a bench that hung nothing."""
+    """Return a run with no payload, half and all of it; None for a chain without a payload or a held one."""
     scale = make.scale
     whole = scale.payload_kg if scale.payload_kg else scale.chain.payload_kg
     if not whole or scale.is_held:
@@ -172,7 +199,7 @@ def payload_steps(make: RunMaker, shape: RunShape) -> PlannedRun | None:
 
 
 def blocked(make: RunMaker, shape: RunShape) -> PlannedRun | None:
-    """The drive's torque by itself: the load that holds the joint at zero."""
+    """Return a run of the drive's torque alone: the load that keeps the joint at zero."""
     hold = shape.hold_s or 15.0
     levels = shape.levels or (0.25, 0.5, 0.75, 1.0)
     wave = steps((*levels, 0.0), hold, min(STEP_S, hold / 8), rise_s=hold / 3)
@@ -184,7 +211,7 @@ def blocked(make: RunMaker, shape: RunShape) -> PlannedRun | None:
 
 
 def vented_zero(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """The zero between cycles: what is left over, and whether it creeps back."""
+    """Return a run of zeros between cycles, which shows the residual and whether it recovers."""
     hold = shape.hold_s or 30.0
     rise = MEDIUM_S / 2
     ways = [(rise, 1.0), (rise, 0.0), (hold, 0.0), (rise, 1.0), (hold, 1.0), (rise, 0.0), (2 * hold, 0.0)]
@@ -195,13 +222,13 @@ def vented_zero(make: RunMaker, shape: RunShape) -> PlannedRun:
 
 
 def closed_valve(make: RunMaker, shape: RunShape) -> PlannedRun | None:
-    """What the specimen does to the air that is shut in it."""
+    """Return a run with closed valves, which shows the interaction of the specimen with the enclosed air."""
     if make.scale.drive != "pressure":
         return None
     hold, fill, rest = shape.hold_s or 60.0, 2.0, 8.0
     points, spans, now = [(0.0, 0.0)], [], 0.0
     for level in shape.levels or (0.6, 1.0):
-        closed_at = now + fill + rest  # the chamber has come to the supply's pressure before the valve closes
+        closed_at = now + fill + rest  # the chamber has reached the supply's pressure before the valve closes
         points += [(now + fill, level), (closed_at + hold, level), (closed_at + hold + fill, 0.0)]
         spans.append((closed_at, closed_at + hold))
         now = closed_at + hold + fill + rest
@@ -214,7 +241,7 @@ def closed_valve(make: RunMaker, shape: RunShape) -> PlannedRun | None:
 
 
 def step_response(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """What comes late, in the first second after a step."""
+    """Return steps, whose first second shows delays."""
     hold = shape.hold_s or 4.0
     levels, fine = (*(shape.levels or (0.6, 0.0, 1.0)), 0.0), min(1.0, hold / 2)
     wave = dense_steps(levels, hold, STEP_RISE_S, FINE_STEP_S, fine, 0.2)
@@ -223,14 +250,14 @@ def step_response(make: RunMaker, shape: RunShape) -> PlannedRun:
 
 
 def second_sensor(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """What one sensor says of another."""
+    """Return two medium cycles with a second sensor, to compare it with the first."""
     wave = make.cycles(shape, MEDIUM_S, TWICE)
     words = "two medium cycles with the tip's position and every joint's angle read too"
     return make.run("second_sensor", words, wave, MOUNTING, adds=second_outputs(make.scale), needs=CAMERA)
 
 
 def second_outputs(scale: BenchScale) -> tuple[str, ...]:
-    """The tip's position, and the angles of the joints where there are several."""
+    """Return the tip's position, and the angles of the joints if there are several."""
     n = scale.chain.n_joints
     bends = scale.chain.laws[0].joint != "prismatic"
     angles = [f"joint_{k + 1}_angle_rad" for k in range(n)] if bends and 1 < n <= MOST_ANGLES else []
@@ -246,6 +273,7 @@ BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
     "slow_cycles": slow_cycles,
     "fast_cycles": fast_cycles,
     "each_input": each_input,
+    "paid_out": paid_out,
     "small_loops": small_loops,
     "holds": holds,
     "virgin": virgin,
@@ -262,12 +290,12 @@ BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
 }
 
 
-# Runs in which a joint may be held: those that neither load it nor turn its base.
+# Runs that are possible for a held joint: those that neither load it nor rotate its base.
 OF_HELD = ("slow_cycles", "fast_cycles", "small_loops", "holds", "virgin", "warm", "vented_zero")
 
 
 def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
-    """All runs without a clock that make sense for this chain."""
+    """Return all runs without a clock that are possible for this chain."""
     make, runs = RunMaker(scale), []
     levels, pushes = np.array(STATIC_LEVELS), np.array(STATIC_PUSHES)
     if scale.both_ways:
@@ -297,24 +325,24 @@ def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
 
 
 def own_runs(study: Study, chain: ChainModel, measurement: Measurement) -> tuple[PlannedRun, ...]:
-    """The runs of a study's `protocols`, at the scale of a measurement; none where it has no such block."""
+    """Return the runs of a study's `protocols`, at the scale of a measurement; empty without such a block."""
     if not study.protocols:
         return ()
-    return runs_of(study.protocols, BenchScale.of_measurement(chain, measurement))
+    return planned_runs(study.protocols, BenchScale.from_measurement(chain, measurement))
 
 
-def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[PlannedRun, ...]:
-    """The runs of the block, or the default menu where it is empty.
+def planned_runs(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[PlannedRun, ...]:
+    """Return the runs of the block, or the default menu if it is empty.
 
     Raises:
-        UserError: a run that this chain cannot do, a level of another unit, or a name that stands twice.
+        UserError: a run that this chain cannot do, a level in another unit, or a name that occurs twice.
     """
     if not protocols:
         return timed_catalogue(scale)
     found: list[PlannedRun] = []
     for number, config in enumerate(protocols):
         where = f"protocols[{number}]"
-        run = _custom(config, scale, where) if config.run == "custom" else _of_menu(config, scale, where)
+        run = _custom(config, scale, where) if config.run == "custom" else _menu_run(config, scale, where)
         name = config.name or run.name
         if any(name == other.name for other in found):
             raise UserError(f"'protocols' has run '{name}' twice; give one of them another 'name'.")
@@ -325,7 +353,7 @@ def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[Pla
     return tuple(found)
 
 
-def _of_menu(config: ProtocolConfig, scale: BenchScale, where: str) -> PlannedRun:
+def _menu_run(config: ProtocolConfig, scale: BenchScale, where: str) -> PlannedRun:
     lead = max(scale.top, key=lambda name: scale.top[name])
 
     def shares(levels: Sequence[Level]) -> tuple[float, ...]:
@@ -381,7 +409,7 @@ def _custom(config: ProtocolConfig, scale: BenchScale, where: str) -> PlannedRun
         changes["base_angles_rad"] = (config.roll_rad, config.pitch_rad, 0.0)
     name = config.name or "custom"
     inputs = {key: sampled(values) for key, values in driven.items()}
-    history = History.of(inputs, clock, run=name, **{**scale.usual, **changes})
+    history = History.from_arrays(inputs, clock, run=name, **{**scale.usual, **changes})
     words = config.words or f"the run '{config.name}' of the study's protocols"
     minutes = (TURNING if turned else SET_UP) + float(clock[-1]) / 60.0
     return PlannedRun(name, words, history, round(minutes, 1))

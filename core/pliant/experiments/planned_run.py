@@ -1,10 +1,10 @@
-"""Runs that most benches can do: drives over time, and the run as an order in words and as a history.
+"""Runs that are possible in most laboratories: drives over time, and the run as an order in words and as a history.
 
-A drive consists of straight lines between corners. Levels are shares of what the measurement drove and hung at most
-(`BenchScale`). `minutes` are of motion and of setting up: two for any run, more where the specimen, the bench or its
+A drive consists of straight lines between corners. Levels are shares of the largest drive and load of the measurement
+(`BenchScale`). `minutes` are of motion and of setting up: two for any run, more if the specimen, the rig or its
 temperature is changed.
 
-How hard the runs of the menu drive and load: as hard as the measurement did, or as the law allows.
+Runs of the menu drive and load as strongly as the measurement did, or as the law allows.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import MeasuredRun, Measurement
 
-# Where no load was measured, loads are this share of the torque (or force) at the largest actuation.
+# If no load was measured, loads are this share of the torque (or force) at the largest actuation.
 LOAD_OF_PEAK = 0.15
-# An input that was driven to less than this share of the largest was not driven.
+# An input below this share of the largest counts as not driven.
 DRIVEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class BenchScale:
-    """What a bench did, or may do, at most; and the conditions in which it stood.
+    """The largest drives and loads of a test rig, done or allowed, and the conditions of its runs.
 
     Attributes:
         chain: the chain that is driven.
@@ -50,10 +50,10 @@ class BenchScale:
     specimen: str = ""
 
     @staticmethod
-    def of_measurement(chain: ChainModel, measurement: Measurement) -> BenchScale:
-        """The largest actuation and load of the measurement; a share of the law's torque where it has no load.
+    def from_measurement(chain: ChainModel, measurement: Measurement) -> BenchScale:
+        """Return the largest actuation and load of the measurement; a share of the law's torque if it has no load.
 
-        Of a joint that the bench holds, the largest coordinate, and no load.
+        For a joint that is held by the rig, return the largest coordinate, and no load.
         """
         histories = [run.history for run in measurement.runs]
         last = histories[-1]
@@ -75,8 +75,8 @@ class BenchScale:
         )
 
     @staticmethod
-    def of_chain(chain: ChainModel, largest: float | None = None) -> BenchScale:
-        """The end of the laws' domain, or `largest` for every input.
+    def from_chain(chain: ChainModel, largest: float | None = None) -> BenchScale:
+        """Return the scale of the end of the laws' domain, or of `largest` for every input.
 
         Raises:
             UserError: the law states no domain, and no largest value is given.
@@ -93,29 +93,29 @@ class BenchScale:
 
     @property
     def both_ways(self) -> bool:
-        """Inputs that bend either way are driven: opposed chambers, or laws of several actuations that oppose."""
+        """Return whether inputs bend in both directions: opposed chambers, or laws of several opposing actuations."""
         return len({np.sign(self._sign(name)) for name in self.driven}) > 1
 
     @property
     def is_held(self) -> bool:
-        """The bench holds the joint, and reads what holds it."""
+        """Return whether the joint's coordinate is prescribed and the reaction is read."""
         return not set(HELD.values()).isdisjoint(self.top)
 
     @property
     def drive(self) -> str:
-        """What the inputs are called in an order to the bench."""
+        """Return the name of the inputs in an order."""
         if self.is_held:
             return "imposed motion"
         return "pressure" if all(name.startswith("pressure") for name in self.top) else "drive"
 
     @property
     def usual(self) -> dict[str, Any]:
-        """Conditions of a plain run, for `History.of`."""
+        """Return the conditions of a plain run, for `History.from_arrays`."""
         names = ("specimen", "temperature_c", "base_angles_rad", "payload_kg")
         return {name: getattr(self, name) for name in names}
 
     def actuation(self, share: Array) -> dict[str, Array]:
-        """(t,) for each input: shares above 0 drive those that pull with the strongest, below 0 the opposed."""
+        """Return (t,) of each input: positive shares drive those that pull with the strongest, negative the opposed."""
         driven = self.driven
         lead = self._sign(max(driven, key=lambda name: self.top[name]))
         return {
@@ -126,28 +126,28 @@ class BenchScale:
         }
 
     def loads(self, share: Array) -> dict[str, Array]:
-        """The end moment (t,) and the force at the tip (t, 3) at these shares of the load."""
+        """Return the end moment (t,) and the force at the tip (t, 3) at these shares of the load."""
         return {"moment_n_m": self.load[0] * share, "tip_force_n": np.outer(share, self.load[1:])}
 
     def blocking_moment(self, actuation: Mapping[str, Array]) -> Array | None:
-        """(t,) the end moment that holds a joint at zero against this actuation; None for an extension."""
+        """Return (t,) the end moment that keeps a joint at zero against this actuation; None for an extension."""
         if self.is_held or self.chain.laws[0].joint == "prismatic":
             return None
-        return sum_of_efforts(self.chain, actuation)
+        return total_effort(self.chain, actuation)
 
     @property
     def driven(self) -> list[str]:
-        """The inputs that the bench drives."""
+        """Return the inputs that are driven."""
         most = max(self.top.values())
         return [name for name, value in self.top.items() if value >= DRIVEN * most]
 
     def _sign(self, name: str) -> float:
-        """Which way an input bends: its actuator's sign; of a law of several, its effort's on a straight joint."""
+        """Return the bending sign of an input: its actuator's; in a law of several, its effort's when straight."""
         place = next((k for k, a in enumerate(self.chain.actuators) if a.input == name), None)
         if place is None:
             return 1.0
-        joint = next(j for j in self.chain.joints if place in range(*self.chain.drives_of(j)))
-        law, (first, _) = self.chain.laws[joint.law], self.chain.drives_of(joint)
+        joint = next(j for j in self.chain.joints if place in range(*self.chain.actuator_range(j)))
+        law, (first, _) = self.chain.laws[joint.law], self.chain.actuator_range(joint)
         if len(law.actuations) == 1:
             return self.chain.actuators[place].sign
         alone = law.unactuated(2)
@@ -156,11 +156,11 @@ class BenchScale:
         return -1.0 if pushed < at_rest else 1.0
 
 
-def sum_of_efforts(chain: ChainModel, actuation: Mapping[str, Array]) -> Array:
-    """(t,) effort of the first joint's law about its main axis at zero deformation, under all that act on it."""
-    law, main = chain.laws[chain.joints[0].law], ChainGeometry.of(chain).main
+def total_effort(chain: ChainModel, actuation: Mapping[str, Array]) -> Array:
+    """Return (t,) effort of the first joint's law about its main axis at zero deformation, under all its inputs."""
+    law, main = chain.laws[chain.joints[0].law], ChainGeometry.from_chain(chain).main
     total = np.zeros(len(next(iter(actuation.values()))))
-    acting = chain.actuators[slice(*chain.drives_of(chain.joints[0]))]
+    acting = chain.actuators[slice(*chain.actuator_range(chain.joints[0]))]
     if len(law.actuations) > 1:
         levels = np.column_stack([actuation[actuator.input] for actuator in acting])
         return law.evaluate(levels, np.zeros((len(levels), len(chain.axes)))).tau[:, main]
@@ -171,10 +171,10 @@ def sum_of_efforts(chain: ChainModel, actuation: Mapping[str, Array]) -> Array:
 
 
 def _default_load(chain: ChainModel, top: Mapping[str, float]) -> Array:
-    """A share of the largest torque as end moment; of the largest force along the chain for an extension."""
+    """Return a share of the largest torque as end moment; of the largest force along the chain for an extension."""
     most = max(top, key=lambda name: top[name])
     alone = {name: np.array([top[name] if name == most else 0.0]) for name in top}
-    peak = LOAD_OF_PEAK * float(sum_of_efforts(chain, alone)[0])
+    peak = LOAD_OF_PEAK * float(total_effort(chain, alone)[0])
     if chain.laws[0].joint == "prismatic":
         return np.array([0.0, *(peak * chain.base_rotation[:, 0])])
     return np.array([peak, 0.0, 0.0, 0.0])
@@ -185,7 +185,7 @@ def _largest(values: Array) -> float:
 
 
 def _strongest(histories: list[History]) -> Array:
-    """(3,) the largest tip force of all samples."""
+    """Return (3,) the largest tip force of all samples."""
     forces = np.concatenate([h.tip_force_n for h in histories])
     strongest: Array = forces[int(np.argmax(np.linalg.norm(forces, axis=1)))]
     return strongest
@@ -196,7 +196,7 @@ RISE_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """time_s (t,) from 0, share (t,) of the largest."""
+    """A drive over time: time_s (t,) from 0, share (t,) of the largest."""
 
     time_s: Array
     share: Array
@@ -210,14 +210,14 @@ class Wave:
 
 
 def corners(points: Sequence[tuple[float, float]], step_s: float) -> Wave:
-    """Straight lines through (time in s, share), sampled every `step_s` from the first corner to the last."""
+    """Return straight lines through (time in s, share), sampled every `step_s` from the first corner to the last."""
     times, shares = np.array(points, float).T
     grid = step_s * np.arange(round(times[-1] / step_s) + 1)
     return Wave(grid, np.interp(grid, times, shares))
 
 
 def triangles(period_s: float, amplitudes: Sequence[float], step_s: float) -> Wave:
-    """Cycles from zero to each amplitude and back, `period_s` each."""
+    """Return cycles from zero to each amplitude and back, `period_s` each."""
     points = [(0.0, 0.0)]
     for k, amplitude in enumerate(amplitudes):
         points += [((k + 0.5) * period_s, amplitude), ((k + 1) * period_s, 0.0)]
@@ -225,7 +225,7 @@ def triangles(period_s: float, amplitudes: Sequence[float], step_s: float) -> Wa
 
 
 def steps(levels: Sequence[float], hold_s: float, step_s: float, rise_s: float = RISE_S) -> Wave:
-    """Levels reached from zero along straight lines of `rise_s`, each then held for the rest of `hold_s`."""
+    """Return levels reached along straight lines of `rise_s` from zero, each held for the rest of `hold_s`."""
     points = [(0.0, 0.0)]
     for k, level in enumerate(levels):
         points += [(k * hold_s + rise_s, level), ((k + 1) * hold_s, level)]
@@ -235,9 +235,9 @@ def steps(levels: Sequence[float], hold_s: float, step_s: float, rise_s: float =
 def dense_steps(
     levels: Sequence[float], hold_s: float, rise_s: float, fine_s: float, fine_for_s: float, step_s: float
 ) -> Wave:
-    """Steps along half a cosine of `rise_s`, sampled every `fine_s` for `fine_for_s` after each, then every `step_s`.
+    """Return half-cosine steps of `rise_s`, sampled every `fine_s` for `fine_for_s` after each, then every `step_s`.
 
-    A kink would make a body swing that has a frequency of its own.
+    A kink would excite the natural frequency of the body.
     """
     times, shares, before = [0.0], [0.0], 0.0
     for k, level in enumerate(levels):
@@ -260,11 +260,11 @@ SET_UP = 2.0
 
 @dataclass(frozen=True, eq=False)
 class PlannedRun:
-    """A run that the bench can do.
+    """A run that can be done in the laboratory.
 
     Attributes:
         name: short, as in effects' `exciting`.
-        words: an order to the bench.
+        words: an order to the experimenter.
         history: its inputs; the specimen is the one that was measured, or `NEW`.
         minutes: of motion and of setting up.
         adds: outputs to read beyond those that were measured.
@@ -290,7 +290,7 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class RunShape:
-    """What may differ from the menu's own run; None and () keep the menu's. Levels are shares of the largest."""
+    """Deviations from the menu's own run; None and () keep the menu's. Levels are shares of the largest."""
 
     period_s: float | None = None
     amplitudes: tuple[float, ...] = ()
@@ -303,7 +303,7 @@ class RunShape:
 
 @dataclass(frozen=True)
 class RunMaker:
-    """Makes runs of waves at a bench's scale."""
+    """A builder of runs from waves at the scale of a test rig."""
 
     scale: BenchScale
 
@@ -319,14 +319,14 @@ class RunMaker:
         inputs: Mapping[str, Array] | None = None,
         **conditions: Any,
     ) -> PlannedRun:
-        """A run of this drive, without a clock where shares stand alone; `conditions` are those of `History.of`.
+        """Return a run of this drive, without a clock for plain shares; `conditions`: as in `History.from_arrays`.
 
-        `inputs` stand for those that the drive's shares give.
+        `inputs` replace those of the drive's shares.
         """
         timed = wave if isinstance(wave, Wave) else None
         share = wave.share if isinstance(wave, Wave) else wave
         clock = None if timed is None else timed.time_s
-        history = History.of(
+        history = History.from_arrays(
             inputs or self.scale.actuation(share), clock, run=name, **{**self.scale.usual, **conditions}
         )
         minutes = set_up if timed is None else round(set_up + timed.seconds / 60.0, 1)
@@ -335,7 +335,7 @@ class RunMaker:
     def cycles(
         self, shape: RunShape, period_s: float, amplitudes: Sequence[float], one_way: bool = False
     ) -> Wave:
-        """Triangles, every second one the other way where inputs bend both ways, unless `one_way`."""
+        """Return triangles, every second one reversed if inputs bend both ways, unless `one_way`."""
         heights = shape.amplitudes or (
             tuple(amplitudes) if shape.cycles is None else (max(amplitudes),) * shape.cycles
         )
@@ -343,16 +343,16 @@ class RunMaker:
             a * (-1.0) ** k if self.scale.both_ways and not one_way else a for k, a in enumerate(heights)
         ]
         period = shape.period_s or period_s
-        return triangles(period, turns, step_of(period))
+        return triangles(period, turns, sampling_step(period))
 
 
-def step_of(period_s: float) -> float:
-    """Sampling of a motion of this period: half a second, a hundredth of slow ones, an eighth of quick ones."""
+def sampling_step(period_s: float) -> float:
+    """Return the sampling step of a motion: half a second, a hundredth of slow periods, an eighth of quick ones."""
     return float(np.clip(period_s / 80.0, min(STEP_S, period_s / 8.0), 1.0))
 
 
 def named_run(runs: Sequence[PlannedRun], name: str) -> PlannedRun:
-    """By name; raises `UserError` for one that is not there."""
+    """Return the run by name; raise `UserError` for an unknown one."""
     names = [run.name for run in runs]
     if name not in names:
         raise UserError(f"There is no run '{name}'{closest(name, names)} The runs are {', '.join(names)}.")
@@ -360,6 +360,6 @@ def named_run(runs: Sequence[PlannedRun], name: str) -> PlannedRun:
 
 
 def unread_run(history: History, outputs: Sequence[str] = (), read: Sequence[str] = ()) -> MeasuredRun:
-    """The run before it is done: zeros for the outputs that will be read in it, NaN for the others."""
+    """Return the run before it is done: zeros for the outputs that will be read in it, NaN for the others."""
     values = {name: np.full(len(history), 0.0 if name in read else np.nan) for name in outputs}
     return MeasuredRun(history, values, {}, np.ones(len(history)), np.zeros(0))

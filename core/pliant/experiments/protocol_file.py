@@ -1,6 +1,6 @@
-"""A run as a file for the bench: what to do at which time, with blank columns for what is read.
+"""A run as a file to fill in during the experiment: what to do when, with blank columns for readings.
 
-Filled in, it is a measurement file like any other; with the old file it is one measurement:
+Filled in, it is a measurement file like any other; together with the old file it is one measurement:
 ``pliant diagnose STUDY.yaml --data old.csv --data next_run.csv``.
 """
 
@@ -21,7 +21,7 @@ from pliant.records.history import BASE, FORCES
 from pliant.records.measurement import Measurement
 from pliant.store.store import write_atomically
 
-# Digits after which nobody sets a supply.
+# Significant digits of a supply's setting.
 DIGITS = 7
 
 
@@ -40,11 +40,11 @@ def write_protocol(
     Args:
         path: the file.
         run: what to do.
-        outputs: what is read in every run; what this run adds comes beside them.
+        outputs: what is read in every run; the outputs that this run adds are appended.
         measurement: the old one: its headings and units are the new file's, and the run and a new specimen get names
             that it does not have.
-        notes: the study's renames and units, in which the file is written, because it will be read by them.
-        study: its file, for the sentence on how to go on.
+        notes: the study's renames and units, in which the file is written, because it will be read with them.
+        study: its file, for the sentence on the next command.
         data: the old one's files, for the same sentence; the names that it was read under by default.
 
     Raises:
@@ -80,7 +80,10 @@ def order(
     data: Sequence[str] = (),
     headings: Mapping[str, str] | None = None,
 ) -> list[str]:
-    """The order in words, one sentence a line; `headings` are the columns' in the file where they are not Pliant's."""
+    """Return the order in words, one sentence a line.
+
+    `headings` are the columns' headings in the file if they are not Pliant's.
+    """
     history, headed = run.history, lambda name: (headings or {}).get(name, name)
     temperature, angles = float(history.temperature_c[0]), np.rad2deg(history.base_angles_rad[0])
     there = "in these states" if history.time_s is None else "at these times"
@@ -104,7 +107,7 @@ def order(
 
 
 def _columns(run: PlannedRun, outputs: Sequence[str]) -> dict[str, Array]:
-    """Time, inputs, loads and conditions, then blank outputs; loads and turns that never act are left out."""
+    """Return time, inputs, loads and conditions, then blank outputs; loads and rotations that are zero are left out."""
     history, missing = run.history, np.full(len(run.history), np.nan)
     forces = dict(zip(FORCES, history.tip_force_n.T, strict=True))
     turns = dict(zip(BASE, history.base_angles_rad.T, strict=True))

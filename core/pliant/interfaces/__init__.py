@@ -1,4 +1,4 @@
-"""The contracts that plugins fill, one small file each.
+"""The interfaces that plugins implement, one small file each.
 
 Who calls whom, in the order of a run:
 
@@ -9,8 +9,9 @@ surrogate→ `Surrogate.fit`                          states become a law τ(p, 
 effect   → `Effect.apply`                           a model becomes a model with one more physical effect
 physics  → `PhysicsBackend.build`                   a chain becomes a simulation
 task     → `Task.run`                               a simulation becomes metrics
-optimizer→ `Optimizer.ask`, `.tell`                 metrics become better designs
 viewer   → `Viewer.pictures`, `.show`               motions become pictures
+
+A package adds an interface by the hook `pliant_interfaces`, as `optimizer` is added.
 
 Every implementation is built by ``Class(config)`` with its own validated, frozen config model, a subclass of
 `pliant.interfaces.base.ComponentConfig`.

@@ -1,16 +1,14 @@
-"""What all interfaces share: the config model and the number of the contract."""
+"""Common config model of all interfaces."""
 
 from __future__ import annotations
 
 from abc import ABC
-from typing import Any, Generic, TypeVar
+from collections import Counter
+from typing import Any, ClassVar, Generic, TypeVar
 
 from pydantic import AliasGenerator, BaseModel, ConfigDict
 
-from pliant.units import strip_unit_suffix
-
-# The number that a plugin's manifest states; docs/plugin_contract.md says what it covers.
-CONTRACT_VERSION = 2
+from pliant.units import quantities_in, split_unit, strip_unit_suffix
 
 
 class FrozenModel(BaseModel):
@@ -25,8 +23,32 @@ class FrozenModel(BaseModel):
         alias_generator=AliasGenerator(validation_alias=strip_unit_suffix),
     )
 
+    # Plain numbers, without a quantity's type, whose unit a study may omit.
+    bare_keys: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Allow a key without its unit only if the field's type is a quantity of that unit and the name is unique.
+
+        A float `rate_per_s` stays `rate_per_s`; with `size_n` in the same model, `size_m` stays `size_m`.
+        """
+        super().__pydantic_init_subclass__(**kwargs)
+        written = Counter([strip_unit_suffix(name) for name in cls.model_fields])
+        changed = False
+        for name, info in cls.model_fields.items():
+            stem, unit = split_unit(name)
+            if stem == name or info.validation_alias != stem:
+                continue
+            typed = name in cls.bare_keys or any(
+                one.unit == unit for one in quantities_in(info.annotation, *info.metadata)
+            )
+            if written[stem] > 1 or not typed:
+                info.validation_alias, info.alias_priority, changed = name, 2, True
+        if changed:
+            cls.model_rebuild(force=True)
+
     def canonical(self) -> dict[str, Any]:
-        """The config as JSON values under SI names: what provenance stores and keys are made of."""
+        """Return the config as JSON values under SI names, for provenance and keys."""
         return self.model_dump(mode="json")
 
 

@@ -25,26 +25,26 @@ OutputMap = Callable[[Readings], Readings]
 
 Role = Literal["strength", "shape", "form"]
 Prior = Literal["normal", "log_normal"]
-# What has to be mended: the model, or the record that the bench made.
+# What has to be corrected: the model, or the laboratory record.
 Origin = Literal["physics", "bench"]
 
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A number that calibration may fit, as a field of an effect's config declares it by `parameter`.
+    """A number that calibration may fit, declared as a field of an effect's config by `parameter`.
 
     Attributes:
         name: the config's field.
         unit: its SI unit; "1" for a pure number.
-        neutral: the value at which the effect vanishes; for a `shape`, any typical value; for a `form`, the plain one.
+        neutral: the value at which the effect vanishes; for a `shape`, any typical value; for a `form`, the basic form.
         bounds: hard limits.
-        plausible: the range that would not surprise an expert: the central 90 % of the prior.
-        role: `strength` scales the effect and makes it vanish at `neutral`; `shape` says when or how it acts; `form`
-            bends its equation into a relative of it (an exponent, a second time constant): held at `neutral`, the plain
-            form, until a diagnosis asks whether a relative of a leading effect fits better.
-        prior: `normal`, or `log_normal` for numbers whose order of magnitude is open (times, widths).
-        simpler: for a `shape`, values at which a simpler form is enough, each with what that means in the effect's
-            own words: ``(0.01, "one volume is enough")``. A fit that ends there is no cause for alarm.
+        plausible: the range that an expert expects: the central 90 % of the prior.
+        role: `strength` scales the effect, which vanishes at `neutral`; `shape` determines when or how it acts; `form`
+            varies its equation (an exponent, a second time constant): fixed at `neutral`, the basic form, until a
+            diagnosis tests whether a variant of a leading effect fits better.
+        prior: `normal`, or `log_normal` for numbers of unknown order of magnitude (times, widths).
+        simpler: for a `shape`, values at which a simpler form is enough, each with its meaning in words:
+            ``(0.01, "one volume is enough")``. A fit that ends there is no problem.
     """
 
     name: str
@@ -57,7 +57,7 @@ class EffectParameter:
     simpler: tuple[tuple[float, str], ...] = ()
 
     def problem(self) -> str | None:
-        """What is wrong with the declaration, or None."""
+        """Return the error in the declaration, or None."""
         (low, high), (least, most) = self.bounds, self.plausible
         if not low < high:
             return f"bounds {self.bounds} are not ordered"
@@ -90,13 +90,13 @@ def parameter(
     description: str = "",
     example: Any = None,
 ) -> Any:
-    """A field of an `EffectConfig` that calibration may fit: the one declaration of an `EffectParameter`.
+    """Declare a field of an `EffectConfig` that calibration may fit, an `EffectParameter`.
 
     The field's default is `neutral`, its hard limits are `bounds`, both ends included. A field of a quantity
-    (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `simpler` says of a shape at which
-    values a simpler form is enough, and how: ``{0.01: "one volume is enough"}``; `example`, as people write it, goes
-    into the component's smallest block. `EffectConfig.fit_parameters` raises `TypeError` for a declaration that cannot
-    be.
+    (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `simpler` maps values of a shape at
+    which a simpler form is enough to sentences: ``{0.01: "one volume is enough"}``; `example`, in a study's notation,
+    is used in the component's smallest block. `EffectConfig.fit_parameters` raises `TypeError` for an invalid
+    declaration.
     """
     field: FieldInfo = Field(  # type: ignore[assignment]
         default=neutral,
@@ -111,7 +111,7 @@ def parameter(
 
 
 class EffectConfig(ComponentConfig):
-    """Base of an effect's config: a field for each number of the effect, by `parameter` where it may be fitted.
+    """Base of an effect's config: a field for each number of the effect, by `parameter` if it may be fitted.
 
     The string below a field describes it.
     """
@@ -120,22 +120,22 @@ class EffectConfig(ComponentConfig):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Refuse a wrong declaration where it is written."""
+        """Reject an invalid declaration when the class is defined."""
         super().__pydantic_init_subclass__(**kwargs)
         cls.fit_parameters()
 
     @classmethod
     def fit_parameters(cls) -> tuple[EffectParameter, ...]:
-        """The strengths and shapes that calibration may fit, in the order of their fields.
+        """Return the strengths and shapes that calibration may fit, in the order of their fields.
 
         Raises:
-            TypeError: a declaration that cannot be, such as a plausible range outside the bounds.
+            TypeError: an invalid declaration, such as a plausible range outside the bounds.
         """
         return tuple(one for one in cls._declared() if one.role != "form")
 
     @classmethod
     def form_parameters(cls) -> tuple[EffectParameter, ...]:
-        """The numbers that bend the effect's equation into its relatives; same errors as `fit_parameters`."""
+        """Return the numbers that vary the form of the effect's equation; same errors as `fit_parameters`."""
         return tuple(one for one in cls._declared() if one.role == "form")
 
     @classmethod
@@ -152,7 +152,7 @@ class EffectConfig(ComponentConfig):
 
 
 def _unit(model: type[EffectConfig], name: str, stated: str) -> str:
-    """The unit of a field's quantity, or the stated one of a plain number; raises `TypeError` where they part."""
+    """Return the unit of a field's quantity, or the stated one of a plain number; raise `TypeError` if they differ."""
     quantity = next((m.unit for m in model.model_fields[name].metadata if isinstance(m, Quantity)), "")
     quantity = "1" if quantity == "dimensionless" else quantity
     if not (stated or quantity):
@@ -164,17 +164,17 @@ def _unit(model: type[EffectConfig], name: str, stated: str) -> str:
 
 @dataclass(frozen=True)
 class EffectNotes:
-    """An effect in words, for the catalogue and for what `pliant diagnose` says; its manifest's summary names it.
+    """An effect in words, for the catalogue and the output of `pliant diagnose`; its manifest's summary names it.
 
     Attributes:
-        signature: what gives it away in the data.
-        on_the_bench: what to look at or to do at the bench itself, as an order, one sentence.
-        look_alike: the kind that it is most easily taken for.
-        told_apart: what separates the two.
-        excited_by: the run to do so that it shows, as an order to the bench.
-        where: the families and chains that it makes sense for, and the engines that follow it.
-        origin: `physics`, or `bench` for a mistake of the record (a payload, a clock): the remedy is to correct the
-            file, not to extend the model.
+        signature: its signature in the data.
+        on_the_bench: inspection in the laboratory, one imperative sentence.
+        look_alike: the kind of effect that is most easily confused with it.
+        told_apart: the difference between the two.
+        excited_by: the run that excites it, as an imperative sentence.
+        where: the families and chains to which it applies, and the engines that support it.
+        origin: `physics`, or `bench` for an error of the record (a payload, a clock), which is corrected in the file
+            instead of extending the model.
     """
 
     signature: str = ""
@@ -188,12 +188,12 @@ class EffectNotes:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What effects change: a chain with its law terms, maps of the inputs before it, of the readings after it.
+    """A chain with its law terms, maps of its inputs and maps of its readings, which effects change.
 
     An input map takes the history of one run and returns the history that reaches the chain. An output map
-    takes readings by name (docs/conventions.md) and returns what the sensors say; it leaves other names alone. Where
-    the readings are those of a run with a clock, `time_s` (t,) is among them; where the inputs that reach the chain are
-    known, so is `actuation` (t,), their sum without signs.
+    takes readings by name (docs/conventions.md) and returns the sensor values; it leaves other names unchanged. The
+    readings of a run with a clock include `time_s` (t,); if the inputs that reach the chain are known, they include
+    `actuation` (t,), their unsigned sum.
     """
 
     chain: ChainModel
@@ -201,30 +201,30 @@ class Model:
     outputs: tuple[OutputMap, ...] = ()
 
     def with_(self, **changes: object) -> Model:
-        """A copy with some fields replaced."""
+        """Return a copy with some fields replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def with_input(self, change: InputMap) -> Model:
-        """A copy with one more map of its inputs."""
+        """Return a copy with an additional map of its inputs."""
         return replace(self, inputs=(*self.inputs, change))
 
     def with_term(self, term: LawTerm) -> Model:
-        """A copy with one more term in every joint's law."""
+        """Return a copy with an additional term in every joint's law."""
         return replace(self, chain=self.chain.with_(terms=(*self.chain.terms, term)))
 
     def with_output(self, change: OutputMap) -> Model:
-        """A copy with one more map of its readings."""
+        """Return a copy with an additional map of its readings."""
         return replace(self, outputs=(*self.outputs, change))
 
     def commanded(self, history: History) -> History:
-        """What reaches the chain when this history is commanded: closed valves first, then the effects' maps."""
+        """Return the history that reaches the chain for a commanded one: closed valves, then the effects' maps."""
         history = held(history)
         for change in self.inputs:
             history = change(history)
         return history
 
     def reported(self, readings: Readings) -> Readings:
-        """What the sensors say of these readings."""
+        """Return the sensor values for these readings."""
         for change in self.outputs:
             readings = change(readings)
         return readings
@@ -234,12 +234,12 @@ class Effect(Configured[EffectConfig]):
     """One effect at one of four places: input, joint law, chain, output.
 
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
-    keeps no memory: internal states belong to `LawTerm`s, and an input map sees the whole run. The docstring
+    keeps no memory: internal states belong to `LawTerm`s, and an input map gets the whole run. The docstring
     of a subclass's file gives the equation and its source. `exciting` names runs of the default catalogue
-    (`pliant.experiments.experiment_catalogue`) that show the effect and tell it from its look-alike. `actuation` names
-    the input that the chain's laws must take for the effect to make sense (`tendon_force_n`); empty where any does.
-    `fitted` is False where an effect's numbers are data that are learned as a whole: it declares no parameter, so that
-    no diagnosis tries it.
+    (`pliant.experiments.experiment_catalogue`) that excite the effect and distinguish it from its look-alike.
+    `actuation` names the input that the chain's laws must have for the effect to apply (`tendon_force_n`); "" for any
+    input. `fitted` is False if an effect's numbers are learned as a whole: it then declares no parameter, so that no
+    diagnosis tries it.
     """
 
     place: ClassVar[Place]
@@ -249,12 +249,12 @@ class Effect(Configured[EffectConfig]):
     fitted: ClassVar[bool] = True
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:
-        """Return why the effect cannot show in recordings like these, whatever its strength; empty where it may.
+        """Return why recordings like these cannot show the effect, whatever its strength; "" if they can.
 
-        A diagnosis leaves out effects that give a reason, so that they cost the others nothing.
+        A diagnosis omits effects that give a reason, so that they do not add to the complexity penalty of the others.
         """
         return ""
 
     @abstractmethod
     def apply(self, model: Model) -> Model:
-        """The model with this effect, at the parameter values of the config."""
+        """Return the model with this effect, at the parameter values of the config."""

@@ -1,4 +1,4 @@
-"""FEMBackend: solves modules."""
+"""FEMBackend: a finite-element code that solves modules."""
 
 from __future__ import annotations
 
@@ -14,28 +14,26 @@ from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.interfaces.input_levels import InputLevels
 from pliant.interfaces.material import Material, require_regions
 from pliant.interfaces.study_loads import StudyLoads
-from pliant.records.actuation import Levels, kind_of, names_of
+from pliant.records.actuation import Levels, actuation_kind, split_actuation_names
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem, StructureState
 from pliant.units import Angle, Force, Pressure, Ratio
 
-# What a constrained state holds: u of the main axis, or u by axis.
+# The prescribed u of a constrained state: of the main axis, or by axis.
 Held = float | Mapping[str, float]
-# Of the iteration for u under a prescribed effort: steps, and the last change of u as a share of the largest u met.
+# Iteration for u under a prescribed effort: steps, and tolerance of u relative to the largest u of the iteration.
 MOST_STEPS = 12
 # Fields that bound an actuation, each with an example.
 LIMITS = {"pressure_max_pa": "pressure_max: 15 kPa", "tendon_force_max_n": "tendon_force_max: 8 N"}
 CLOSE = 1e-9
-# States of a module of several axes that no study changes; how many more there are, the fields of `FemConfig` say.
-LATERAL_FREE_LEVELS = 3  # of the free branch on the piece that moves about all axes, rest included
-LATERAL_CHECKS = (
-    2  # at most so many of `check_states` about each lateral axis, on the side that is not fitted
-)
+# Numbers of states of a module of several axes that are not configurable; the others are fields of `FemConfig`.
+LATERAL_FREE_LEVELS = 3  # of the free branch on the piece that moves about all axes, including rest
+LATERAL_CHECKS = 2  # largest number of `check_states` about each lateral axis, on the side that is not fitted
 
 
 class FemConfig(ComponentConfig):
-    """What every FEM backend's config holds: mesh refinement and which states to solve.
+    """Base of an FEM backend's config: mesh refinement and which states to solve.
 
     The free branch is solved up to `pressure_max_pa`, or `tendon_force_max_n` for a family with a tendon; the
     constrained states cover angles from `angle_low` to `angle_high` times the largest free angle at every
@@ -109,28 +107,28 @@ class FemConfig(ComponentConfig):
 
     @field_serializer("self_contact")
     def _kept_name(self, value: str) -> str:
-        """Stores name results by the config: what was solved under the earlier name is found."""
+        """Keep the earlier name in the config, which keys stored results, so that they are found."""
         return "stop" if value == "end" else value
 
     @model_validator(mode="before")
     @classmethod
     def _grid_if_levels(cls, values: Any) -> Any:
-        """A block that gives levels and no strategy means the grid."""
+        """Select the grid for a block with levels and no strategy."""
         if isinstance(values, Mapping) and "sampling" not in values and {"pressures", "angles"} & set(values):
             return {**values, "sampling": "grid"}
         return values
 
     def canonical(self) -> dict[str, Any]:
-        """Without limits where none are given, as keys of earlier data sets are."""
+        """Return the config without limits that are not given, as in the keys of earlier data sets."""
         return {name: value for name, value in super().canonical().items() if name != "limits" or value}
 
     def actuation_max(self, actuation: str) -> Levels:
-        """Largest actuation of a module driven by `actuation`, SI; (m,) of several.
+        """Return the largest actuation of a module driven by `actuation`, SI; (m,) for several.
 
-        Raises `UserError` where one is missing, and for a limit of what does not drive the module.
+        Raises `UserError` for a missing limit, and for a limit of an input that the module does not have.
         """
-        names = names_of(actuation)
-        kinds = [kind_of(name) for name in names]
+        names = split_actuation_names(actuation)
+        kinds = [actuation_kind(name) for name in names]
         found = []
         for name, kind in zip(names, kinds, strict=True):
             limit = self.limits.get(name, getattr(self, kind.limit) if kind.limit else None)
@@ -155,11 +153,11 @@ class FemConfig(ComponentConfig):
 
 
 class StateNotConvergedError(NotReachedError):
-    """Newton did not reach equilibrium at a state; the pipeline records it and goes on."""
+    """Error of Newton's method that does not reach equilibrium at a state; the pipeline records it and continues."""
 
 
 class ModuleSolver(ABC):
-    """Solves states of one `ModuleProblem`, each from a neighbouring one.
+    """Solver for states of one `ModuleProblem`, each from a neighbouring state.
 
     The sampling stage calls `rest` once, then `free` and `constrained` in an order in which each start is
     close to its target; the solver subdivides a step that does not converge. States are self-contained: a
@@ -168,42 +166,42 @@ class ModuleSolver(ABC):
 
     @abstractmethod
     def rest(self) -> FemState:
-        """The undeformed state: no actuation, angle 0 (slopes included)."""
+        """Return the undeformed state: no actuation, angle 0 (slopes included)."""
 
     @abstractmethod
     def free(self, actuation: Levels, start: FemState) -> FemState:
-        """Equilibrium without external moment. Raises `StateNotConvergedError`."""
+        """Return the equilibrium without external moment. Raises `StateNotConvergedError`."""
 
     @abstractmethod
     def constrained(self, actuation: Levels, held: Held, start: FemState) -> FemState:
-        """Equilibrium with some of the joint's coordinates held, rad (m for a prismatic joint).
+        """Return the equilibrium with some of the joint's coordinates prescribed, rad (m for a prismatic joint).
 
         Args:
-            actuation: Pa or N, (m,) where several drive the module.
-            held: u by axis; axes that are not named are free, τ = 0. A number holds the main axis.
+            actuation: Pa or N, (m,) for several.
+            held: prescribed u by axis; axes that are not named are free, τ = 0. A number is that of the main axis.
             start: a neighbouring state.
 
         Raises `StateNotConvergedError`, and `UserError` for an axis that the problem does not have.
         """
 
     def learn(self, state: FemState) -> None:
-        """Told of each state that a sampling keeps, solved or found again, in the order of the sampling.
+        """Use a state that a sampling keeps, solved or loaded; called in the order of the sampling.
 
-        A solver may use them to foretell the next ones. What it ends at must depend on nothing else: a sampling that
-        was interrupted gives the same bits as one that was not.
+        A solver may use these states to predict the next ones. Its results must depend on nothing else, so that an
+        interrupted sampling gives the same bits as an uninterrupted one.
         """
         del state
 
     def loaded(
         self, actuation: Levels, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
     ) -> FemState:
-        """Equilibrium under a dead external effort about one axis, N·m (N for a prismatic joint).
+        """Return the equilibrium under a dead external effort about one axis, N·m (N for a prismatic joint).
 
-        By Newton's method on u with the exact slopes of `constrained`; a backend may know a shorter way.
+        The default is Newton's method on u with the exact slopes of `constrained`; a backend may override it.
 
         Args:
             actuation: Pa or N.
-            effort: M by axis, positive where it opposes actuation; τ = M there and 0 on all other axes. A number
+            effort: M by axis, positive if it opposes actuation; τ = M there and 0 on all other axes. A number
                 acts on the main axis.
             start: a neighbouring state.
             axes: names of the joint's coordinates in their order.
@@ -224,41 +222,47 @@ class ModuleSolver(ABC):
 
     @abstractmethod
     def deformed_nodes(self, state: FemState) -> Array:
-        """(n, 3) positions of the mesh's nodes in the module frame; the start section stays at rest."""
+        """Return (n, 3) positions of the mesh's nodes in the module frame; the start section stays at rest."""
 
     def fields(self, state: FemState) -> ModuleFields:
-        """Displacement and stress at the mesh's nodes. Raises `UserError` where the backend has none to give."""
+        """Return displacement and stress at the mesh's nodes. Raises `UserError` if the backend provides no fields."""
         raise UserError(f"{type(self).__name__} gives no fields; solve with fem.kind 'skfem' to see them.")
 
 
 class StructureSolver(ABC):
-    """Equilibria of a whole body, each from a neighbouring one; the clamped body at rest comes first."""
+    """Solver for equilibria of a whole body, each from a neighbouring one, starting with the clamped body at rest."""
 
     @abstractmethod
     def rest(self) -> StructureState:
-        """No pressure, no force."""
+        """Return the state without pressure and force."""
 
     @abstractmethod
     def equilibrium(self, pressure_pa: float, tip_force_n: Array, start: StructureState) -> StructureState:
-        """Under pressure and a dead force (3,) at the tip, in the body's frame. Raises `StateNotConvergedError`."""
+        """Return the state under pressure and a dead tip force (3,), body frame. Raises `StateNotConvergedError`."""
 
     @abstractmethod
     def deformed_nodes(self, state: StructureState) -> Array:
-        """(n, 3) positions of the mesh's nodes."""
+        """Return (n, 3) positions of the mesh's nodes."""
 
 
 class FEMBackend(Configured[FemConfig]):
     """A finite-element code. The FEM stage calls `solver` once per piece of a design, after `check`.
 
-    `knows` are the requirements (`ModuleProblem.requirements`) that it can solve; what it does not name is refused.
-    "contact" is required by `fem.self_contact: solve`: states in which walls hold each other have the status
-    "touching".
+    `knows` are the requirements (`ModuleProblem.requirements`) that it supports; others are refused. "contact" is
+    required by `fem.self_contact: solve`: states in which walls are in contact have the status "touching". A backend
+    for a special class of problems names it as `problem_class`; others are refused.
     """
 
     knows: ClassVar[frozenset[str]] = frozenset()
+    problem_class: ClassVar[type[ModuleProblem]] = ModuleProblem
 
     def check(self, problem: ModuleProblem, material: Material) -> None:
-        """Raise `UserError` for a requirement, contact too, that this backend lacks, or a region without a material."""
+        """Raise `UserError` for a requirement (also contact) that this backend lacks, or a region without material."""
+        if not isinstance(problem, self.problem_class):
+            raise UserError(
+                f"fem '{self.config.kind}' solves problems of class {self.problem_class.__name__} alone, and this "
+                f"family's is a {type(problem).__name__}."
+            )
         unknown = sorted(problem.requirements - self.knows)
         if unknown:
             named = ", ".join(f"'{name}'" for name in unknown)
@@ -275,16 +279,16 @@ class FEMBackend(Configured[FemConfig]):
         require_regions(problem.mesh.regions, material.regions)
 
     def checked_solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
-        """`solver`, where the backend knows all that the problem requires. Raises as `check` does."""
+        """Return `solver` after `check`, with the same errors."""
         self.check(problem, material)
         return self.solver(problem, material)
 
     @abstractmethod
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
-        """A solver for this module; raises `UserError` for a problem it does not support."""
+        """Return a solver for this module; raise `UserError` for a problem that is not supported."""
 
     def structure(self, problem: StructureProblem, material: Material) -> StructureSolver:
-        """A solver for a whole body; raises `UserError` where the backend solves modules only."""
+        """Return a solver for a whole body; raise `UserError` if the backend solves only modules."""
         raise UserError(
             f"fem '{self.config.kind}' solves single modules only, no bodies of several; use fem.kind 'skfem'."
         )
@@ -298,9 +302,9 @@ def loaded_state(
     start: FemState,
     axes: Sequence[str],
 ) -> FemState | None:
-    """Newton's method on u of `axis`, all others free; None where it does not converge.
+    """Solve for u of `axis` by Newton's method, all others free; return None if it does not converge.
 
-    Whatever `constrained` raises passes through. A step after one that made the residual larger is halved.
+    Exceptions of `constrained` are not caught. After an increase of the residual the step is halved.
     """
     k = list(axes).index(axis)
     efforts = np.zeros(len(axes))
@@ -322,7 +326,7 @@ def loaded_state(
 
 
 def _tangent(state: FemState, actuation: Levels, efforts: Array) -> Array:
-    """(k,) change of u that the slopes ask for: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M, Δp (m,) of several."""
+    """Return (k,) Newton step of u: τ + ∂τ/∂p Δp + ∂τ/∂u Δu = M, Δp (m,) for several."""
     rise = np.asarray(actuation) - state.actuation
     moved = state.dtau_dp * rise if rise.ndim == 0 else state.dtau_dp @ rise
     missing = efforts - state.tau - moved

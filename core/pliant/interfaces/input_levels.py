@@ -1,4 +1,4 @@
-"""A value for each of several inputs, as studies write them: ``{pressure_1_pa: 20 kPa, pressure_2_pa: 0}``."""
+"""Values of several inputs in the notation of studies: ``{pressure_1_pa: 20 kPa, pressure_2_pa: 0}``."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator
 
 from pliant.errors import UserError
-from pliant.records.actuation import kind_of
+from pliant.records.actuation import actuation_kind
 from pliant.units import UnitError, parse_quantity
 
 
 def read_levels(values: Any) -> Any:
-    """Quantities as numbers in the SI unit of each input's kind; raises `ValueError` with a sentence."""
+    """Convert quantities to numbers in the SI unit of each input's kind; raise `ValueError` with a sentence."""
     if not isinstance(values, Mapping):
         return values
     return {name: _read(name, value) for name, value in values.items()}
@@ -22,7 +22,7 @@ def read_levels(values: Any) -> Any:
 
 def _read(name: Any, value: Any) -> Any:
     try:
-        unit = kind_of(str(name)).unit
+        unit = actuation_kind(str(name)).unit
         number = parse_quantity(value, unit) if isinstance(value, str) else value
     except (UserError, UnitError) as error:
         raise ValueError(str(error).rstrip(".")) from error

@@ -22,7 +22,7 @@ class RegionMaterials(FrozenModel):
     """Materials of regions, a key for each; a study's have the fields that its block names (`with_regions`)."""
 
     def named(self) -> dict[str, MaterialConfig]:
-        """Region → the config of its material."""
+        """Return region → config of its material."""
         return {name: getattr(self, name) for name in type(self).model_fields}
 
 
@@ -38,7 +38,7 @@ class MaterialConfig(ComponentConfig):
     @field_validator("regions")
     @classmethod
     def _one_level(cls, regions: RegionMaterials | None) -> RegionMaterials | None:
-        """No region within a region."""
+        """Reject regions inside a region."""
         for name, config in (regions.named() if regions else {}).items():
             if config.regions is not None:
                 raise ValueError(
@@ -48,19 +48,19 @@ class MaterialConfig(ComponentConfig):
 
     @model_serializer(mode="wrap")
     def _without_empty_regions(self, handler: Any) -> Any:
-        """A material without regions has the values, and results the keys, that they always had."""
+        """Omit empty regions, so that materials without regions keep their values and results their keys."""
         values = handler(self)
         if isinstance(values, dict) and values.get("regions", 0) is None:
             del values["regions"]
         return values
 
-    def of_regions(self) -> dict[str, MaterialConfig]:
-        """Region → the config of its material."""
+    def region_materials(self) -> dict[str, MaterialConfig]:
+        """Return region → config of its material."""
         return self.regions.named() if self.regions else {}
 
 
 def require_regions(names: Iterable[str], given: Iterable[str]) -> None:
-    """Raise `UserError` unless the regions that have a material are those that the module has."""
+    """Raise `UserError` unless the regions with a material are those of the module."""
     names, given = list(names), list(given)
     known = ", ".join(names) or "none"
     for name in given:
@@ -80,7 +80,7 @@ def require_regions(names: Iterable[str], given: Iterable[str]) -> None:
 def with_regions(
     model: type[MaterialConfig], regions: Mapping[str, type[MaterialConfig]]
 ) -> type[MaterialConfig]:
-    """The config model of a material that also names those of regions, each validated by its own kind's model."""
+    """Return the config model of a material with regions, each validated by the model of its kind."""
     fields: Any = {name: (own, ...) for name, own in regions.items()}
     named = create_model("RegionMaterials", __base__=RegionMaterials, **fields)
     return create_model(model.__name__, __base__=model, __doc__=model.__doc__, regions=(named, ...))
@@ -101,6 +101,31 @@ class Hyperelastic:
     tangent: Array
 
 
+@dataclass(frozen=True)
+class Preset:
+    """A named rubber of a kind of material.
+
+    Attributes:
+        name: used by makers and papers.
+        config: the equivalent block.
+        law: its law and constants, in words.
+        shear_modulus_pa: μ at small strain.
+        range_pa: lowest and highest shear modulus of the sources, None for a single source.
+        stretch: lowest and highest stretch of the fit or measurement.
+        hardness: Shore hardness, such as 30A or 00-30; "" if no source states it.
+        source: of the constants.
+    """
+
+    name: str
+    config: MaterialConfig
+    law: str
+    shear_modulus_pa: float
+    range_pa: tuple[float, float] | None
+    stretch: tuple[float, float]
+    hardness: str
+    source: str
+
+
 class Material(Configured[MaterialConfig]):
     """An isotropic hyperelastic solid. FEM backends call `evaluate` with all quadrature points at once.
 
@@ -110,10 +135,20 @@ class Material(Configured[MaterialConfig]):
     regions: Mapping[str, Material] = MappingProxyType({})
 
     def with_regions(self, regions: Mapping[str, Material]) -> Self:
-        """The same solid with these materials in the named regions."""
+        """Return the same solid with these materials in the named regions."""
         made = copy.copy(self)
         made.regions = dict(regions)
         return made
+
+    @property
+    def resolved(self) -> Material:
+        """Return the solid to whose kind the constants belong: itself, or the law of a named preset."""
+        return self
+
+    @classmethod
+    def presets(cls) -> tuple[Preset, ...]:
+        """Return the named rubbers of this kind, with which `pliant calibrate` compares its result."""
+        return ()
 
     @property
     def density_kg_m3(self) -> float:
@@ -127,19 +162,19 @@ class Material(Configured[MaterialConfig]):
     @property
     @abstractmethod
     def bulk_modulus_pa(self) -> float:
-        """K at small strain, Pa: mixed elements weigh the pressure by it."""
+        """K at small strain, Pa; it weights the pressure in mixed elements."""
 
     @abstractmethod
     def energy(self, F: Array) -> Array:
-        """W(F) in J/m³, shape (...,), of deformation gradients F of shape (..., 3, 3)."""
+        """Return W(F) in J/m³, shape (...,), of deformation gradients F of shape (..., 3, 3)."""
 
     @abstractmethod
     def evaluate(self, F: Array) -> Hyperelastic:
-        """W, P and A at deformation gradients F of shape (..., 3, 3); J = det F > 0 is the caller's duty."""
+        """Return W, P and A at deformation gradients F of shape (..., 3, 3); the caller ensures J = det F > 0."""
 
     def remarks(self) -> tuple[str, ...]:
-        """What speaks against these constants, in sentences that the FEM stage and `pliant calibrate` say.
+        """Return objections to these constants, in sentences that the FEM stage and `pliant calibrate` show.
 
-        By default the stretches between 0.5 and 2 at which the nominal stress of a homogeneous test falls.
+        By default these are the stretches between 0.5 and 2 at which the nominal stress of a homogeneous test falls.
         """
         return stability_remarks(self)

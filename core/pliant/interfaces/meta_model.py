@@ -1,4 +1,4 @@
-"""Meta-model: one model over a design space, from which the law of a design comes without FEM."""
+"""Meta-model: one model over a design space that predicts the law of a design without FEM."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import Field
 
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, Configured
-from pliant.records.actuation import names_of
+from pliant.records.actuation import split_actuation_names
 from pliant.records.design import Array
 from pliant.records.law import JointLaw, LawRecord
 from pliant.records.solved import Parameter, SolvedDesigns
@@ -35,7 +35,7 @@ class MetaModelConfig(ComponentConfig):
 
 
 class DesignLaws(ABC):
-    """A fitted meta-model: design parameters in, joint law out.
+    """A fitted meta-model, which maps design parameters to a joint law.
 
     Implementations are frozen. The law of a design inside the range of the solved designs is stable and smooth in
     the parameters; the range is the box of `box`.
@@ -43,7 +43,7 @@ class DesignLaws(ABC):
     Attributes:
         names: the d parameters that it takes, SI.
         box: (d, 2) their range.
-        fixed: parameters that all solved designs shared; a design must have the same.
+        fixed: parameters that all solved designs share; a design must have the same values.
     """
 
     names: tuple[str, ...]
@@ -52,28 +52,28 @@ class DesignLaws(ABC):
 
     @abstractmethod
     def law(self, values: Array) -> JointLaw:
-        """The law of one design, values (d,) in the order of `names`, with a domain of its own."""
+        """Return the law of one design and its domain, values (d,) in the order of `names`."""
 
     @abstractmethod
     def record(self) -> LawRecord:
-        """The model as data; `MetaModel.load` makes the same of it. No pickle."""
+        """Return the model as data, from which `MetaModel.load` rebuilds it. No pickle."""
 
     def doubt(self, values: Array) -> Array:
-        """(m,) how unsure the model is of designs (m, d), relative to each other; 1 where it cannot tell.
+        """Return (m,) relative uncertainty of designs (m, d); 1 if the model provides none.
 
-        Error bars are wider by this factor. A Gaussian process gives its deviation.
+        Error bars are wider by this factor. A Gaussian process returns its standard deviation.
         """
         return np.ones(len(values))
 
     def gain(self, candidates: Array, over: Array) -> Array | None:
-        """(m,) expected share of the mean squared error over designs `over` (k, d) that solving each would remove.
+        """Return (m,) expected share of the mean squared error over `over` (k, d) that solving each would remove.
 
-        None where the model cannot tell (see `pliant.pipeline.meta_model.next_design`, which then takes `doubt`).
+        None if the model does not provide it; `pliant.pipeline.meta_model.next_design` then uses `doubt`.
         """
         return None
 
     def excess(self, values: Array) -> Array:
-        """(d,) how far outside its range each parameter of a design (d,) is: 0 inside."""
+        """Return (d,) distance of each parameter of a design (d,) from its range: 0 inside."""
         low, high = self.box.T
         found: Array = np.minimum(values - low, 0.0) + np.maximum(values - high, 0.0)
         return found
@@ -81,29 +81,29 @@ class DesignLaws(ABC):
 
 @dataclass(frozen=True, eq=False)
 class FittedMetaModel:
-    """A meta-model and what its fit has to tell: sizes, choices made, wall time of parts, by name."""
+    """A meta-model and the details of its fit by name: sizes, choices, wall time of parts."""
 
     laws: DesignLaws
     details: Mapping[str, Any] = field(default_factory=dict)
 
 
 class MetaModel(Configured[MetaModelConfig]):
-    """A way to make laws of unseen designs. Scores, error bars and tables are the pipeline's, alike for all kinds.
+    """Base of a kind of meta-model. Scores, error bars and tables are the pipeline's and equal for all kinds.
 
     Attributes:
-        several_actuations: whether it makes laws of several actuations; designs of them are refused otherwise.
+        several_actuations: whether it supports laws of several actuations; otherwise such designs are refused.
     """
 
     several_actuations: ClassVar[bool] = False
 
     @property
     def fewest(self) -> int:
-        """The fewest designs that can be fitted, for d + 1 of them a plane."""
+        """The smallest number of designs that can be fitted; d + 1 designs determine a plane."""
         return 4
 
     def check_actuations(self, actuation_name: str) -> None:
-        """Raise `UserError` for several actuations where the kind makes laws of one."""
-        if len(names_of(actuation_name)) > 1 and not self.several_actuations:
+        """Raise `UserError` for several actuations if the kind supports only one."""
+        if len(split_actuation_names(actuation_name)) > 1 and not self.several_actuations:
             raise UserError(
                 f"meta_model '{self.config.kind}' makes laws of one actuation, and this family is driven by "
                 f"{actuation_name}: use meta_model.kind 'regression' or 'neural'."
@@ -111,18 +111,18 @@ class MetaModel(Configured[MetaModelConfig]):
 
     @abstractmethod
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        """Fit all states of role "fit" and trusted status of all designs; states of role "check" are left alone.
+        """Fit all states of role "fit" and trusted status of all designs; states of role "check" are not used.
 
-        Deterministic: random starts are seeded. Raises `UserError` for too few designs; says how many are needed.
+        Deterministic: random starts are seeded. Raises `UserError` for too few designs, with the number needed.
         """
 
     @abstractmethod
     def load(self, record: LawRecord) -> DesignLaws:
-        """The model of a record written by `DesignLaws.record`; both give laws of the same bits."""
+        """Return the model of a record written by `DesignLaws.record`; the laws of both are equal bit by bit."""
 
 
 def enough_to_score(count: int, names: Sequence[str], fewest: int) -> None:
-    """Raise `UserError` where so many designs cannot be fitted with one of them left out."""
+    """Raise `UserError` if `count` designs cannot be fitted with one of them left out."""
     needed = max(fewest, len(names) + 1)
     if count - 1 < needed:
         raise UserError(
@@ -132,7 +132,7 @@ def enough_to_score(count: int, names: Sequence[str], fewest: int) -> None:
 
 
 def enough_designs(designs: SolvedDesigns, fewest: int, kind: str) -> None:
-    """Raise `UserError` where there are fewer designs than the meta-model needs."""
+    """Raise `UserError` if there are fewer designs than the meta-model needs."""
     needed = max(fewest, len(designs.names) + 1)
     if len(designs) < needed:
         raise UserError(

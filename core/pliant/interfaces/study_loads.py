@@ -1,4 +1,4 @@
-"""Loads of the published study's sampling, by kind of module and axis: its numbers are here and nowhere else."""
+"""Loads of the published study's sampling, by kind of module and axis; this is the only place of these numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pliant.units import UnitError, parse_quantity
 
 
 def either(*units: str, example: str) -> Any:
-    """A quantity in one of several units, which the module decides between."""
+    """Return the type of a quantity in one of several units, chosen by the module."""
 
     def parse(value: Any) -> Any:
         if not isinstance(value, str):
@@ -37,7 +37,7 @@ Effort = Annotated[
 
 
 class StudyLoads(FrozenModel):
-    """External loads of one axis, in even steps at actuations in even steps; positive ones oppose actuation.
+    """External loads of one axis in equal steps, at actuations in equal steps; positive loads oppose actuation.
 
     Pa or N, N·m or N.
     """
@@ -56,7 +56,7 @@ _HELICAL_XZ = StudyLoads(
 )
 _TENDON = StudyLoads(actuation_step=0.5, effort_high=0.05, effort_step=0.0025)
 
-# By actuation, number of axes and kind of joint; the translational module has no loads in the study.
+# By actuation, number of axes and joint type; the translational module has no loads in the study.
 STUDY_LOADS = {
     ("pressure_pa", 1, "revolute"): {"y": _GRIPPER},
     ("pressure_pa", 3, "spherical"): {"x": _HELICAL_XZ, "y": _HELICAL_Y, "z": _HELICAL_XZ},

@@ -1,4 +1,4 @@
-"""Task: what the robot is asked to do, alone or in a scene with contact."""
+"""Task: the motion or manipulation that is simulated, of a single chain or in a scene with contact."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.interfaces.effect import Readings
-from pliant.interfaces.physics import SceneSimulation, Simulation
+from pliant.interfaces.simulation import SceneSimulation, Simulation
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
 from pliant.records.scene import Scene
@@ -26,23 +27,28 @@ class TaskConfig(ComponentConfig):
         description="what a joint outside its law's data means: a line in the result, or an error",
     )
 
+    def tip_load(self, payload_kg: float) -> tuple[float, float]:
+        """Return payload (kg) and magnitude of the force (N) at the tip, with `payload_kg` of a chain by default."""
+        own, force_n = getattr(self, "payload_kg", None), getattr(self, "tip_force_n", 0.0)
+        return float(payload_kg if own is None else own), float(np.linalg.norm(np.asarray(force_n, float)))
+
 
 class Task(Configured[TaskConfig]):
-    """The simulate stage calls `prepare`, has the engine build what it returns, then calls `run`."""
+    """A task of a single chain. The simulate stage calls `prepare`, builds the chain in the engine, calls `run`."""
 
     @property
     def mounts(self) -> bool:
-        """Whether it also makes sense for a chain whose base moves, on somebody else's arm (`ChainModel.mount`)."""
+        """Return whether the task supports a chain on a moving base, an imported arm (`ChainModel.mount`)."""
         return False
 
     def prepare(self, chain: ChainModel) -> ChainModel:
-        """The chain with the task's own gravity, payload or base; loads of the task win over the chain's."""
+        """Return the chain with the task's own gravity, payload or base; loads of the task override the chain's."""
         return chain
 
     def check_reach(self, length_m: float) -> None:
-        """Refuse, before a search begins, what no chain of this straight length can do; nothing by default.
+        """Refuse before a search what no chain of this straight length can do; by default nothing is refused.
 
-        A search gives the longest chain that its bounds allow. A simulation does not ask.
+        A search passes the longest chain that its bounds allow. A simulation does not call it.
 
         Raises:
             UserError: the task is out of reach, with both lengths.
@@ -50,21 +56,21 @@ class Task(Configured[TaskConfig]):
         return
 
     def measures(self) -> tuple[str, ...]:
-        """Names of the numbers that `run` may measure, unit in the name; empty where they are not known before.
+        """Return the names of the numbers that `run` may measure, unit in the name; empty if not known beforehand.
 
-        A search looks up what its formulas name before anything is simulated.
+        A search checks the names in its formulas before any simulation.
         """
         return ()
 
     def against_readings(
         self, chain: ChainModel, result: TaskResult, reported: Callable[[Readings], Readings]
     ) -> Mapping[str, float]:
-        """Further metrics, that need what the sensors say over time; none by default.
+        """Return further metrics that need the sensor readings over time; none by default.
 
         Args:
-            chain: the chain that ran.
-            result: what `run` left.
-            reported: what the sensors make of true readings, see `Model.reported`.
+            chain: the simulated chain.
+            result: of `run`.
+            reported: maps true readings to sensor values, see `Model.reported`.
         """
         return {}
 
@@ -83,11 +89,11 @@ class SceneTask(Configured[TaskConfig]):
 
     @property
     def arms_touch(self) -> bool:
-        """Whether its scenes have arms that touch each other (`Scene.arms_touch`)."""
+        """Return whether its scenes have arms that collide with each other (`Scene.arms_touch`)."""
         return False
 
     def prepare(self, chain: ChainModel) -> ChainModel:
-        """The chain with the task's own loads, before effects are applied."""
+        """Return the chain with the task's own loads, before effects are applied."""
         return chain
 
     def check_reach(self, length_m: float) -> None:
@@ -95,12 +101,12 @@ class SceneTask(Configured[TaskConfig]):
         return
 
     def measures(self) -> tuple[str, ...]:
-        """Names of the numbers that `run` may measure; see `Task.measures`."""
+        """Return the names of the numbers that `run` may measure; see `Task.measures`."""
         return ()
 
     @abstractmethod
     def scene(self, chain: ChainModel) -> Scene:
-        """The nominal scene, without noise: what viewers draw and exports write."""
+        """Return the nominal scene without noise, for viewers and exports."""
 
     @abstractmethod
     def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:

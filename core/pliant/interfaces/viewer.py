@@ -1,4 +1,4 @@
-"""Viewer: draws motions, without a screen and on it."""
+"""Viewer: drawing of motions, off screen and on screen."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ class Handle(ABC):
     @property
     @abstractmethod
     def inputs(self) -> Mapping[str, tuple[float, float]]:
-        """Each input's name with its unit, lowest and highest value."""
+        """Return each input's name with its unit, lowest and highest value."""
 
     @abstractmethod
     def advance(self, values: Mapping[str, float], duration_s: float) -> SceneFrames:
-        """Go on for `duration_s` under these inputs; one frame, the new pose."""
+        """Advance by `duration_s` under these inputs; return one frame with the new pose."""
 
 
 class Viewer(Configured[ViewerConfig]):
-    """Draws what any engine simulated; `pliant render` and `pliant view` call it."""
+    """Base of a viewer of simulated motions; `pliant render` and `pliant view` call it."""
 
     @abstractmethod
     def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
-        """One picture (height, width, 3) of 8-bit RGB per frame, drawn as they are asked for.
+        """Yield one picture (height, width, 3) of 8-bit RGB per frame, drawn on demand.
 
-        The camera stands still and sees all that moves: "front" looks along world +y (x to the right, z up), "side"
+        The camera is fixed and covers all moving parts: "front" looks along world +y (x to the right, z up), "side"
         along −x, "top" from above, "iso" from a corner.
 
         Args:
-            motion: what is drawn.
+            motion: to be drawn.
             size: (width, height) in pixels.
-            view: where the camera stands.
+            view: position of the camera.
 
         Raises:
-            MissingDependencyError: what draws without a screen is not installed.
+            MissingDependencyError: the library for off-screen drawing is not installed.
         """
 
     @abstractmethod
     def require_display(self) -> None:
-        """Raise `UserError` where `show` could open no window; asked before anything is computed."""
+        """Raise `UserError` if `show` cannot open a window; called before any computation."""
 
     @abstractmethod
     def show(self, motion: Motion, handle: Handle | None = None) -> None:
-        """Open a window until it is closed: replay the motion over and over, or let the user drive `handle`."""
+        """Open a window until it is closed: replay the motion in a loop, or let the user drive `handle`."""

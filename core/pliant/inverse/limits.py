@@ -1,4 +1,4 @@
-"""Limits of the inputs: what the user gives, or where the laws have data."""
+"""Limits of the inputs: given by the user, or the domain of the laws' data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pliant.records.design import Array
 
 
 def input_range(chain: ChainModel, name: str) -> tuple[float, float]:
-    """Low and high of an input within the domains of all laws that it drives."""
+    """Return low and high of an input within the domains of all laws that it drives."""
     limits = []
     for joint in chain.joints:
         law = chain.laws[joint.law]
@@ -25,11 +25,11 @@ def input_range(chain: ChainModel, name: str) -> tuple[float, float]:
     return float(low.max()), float(high.min())
 
 
-def bounds_of(chain: ChainModel, given: Mapping[str, tuple[float, float]] | None = None) -> Array:
-    """(k, 2) low and high of each input of the chain.
+def input_bounds(chain: ChainModel, given: Mapping[str, tuple[float, float]] | None = None) -> Array:
+    """Return (k, 2) low and high of each input of the chain.
 
     Raises:
-        UserError: an unknown input, limits in the wrong order, or none where the law has none either.
+        UserError: an unknown input, limits in the wrong order, or no limits where the law has none either.
     """
     given = dict(given or {})
     for name in given:

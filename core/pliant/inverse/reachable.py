@@ -1,4 +1,4 @@
-"""The reachable set: equilibria over the whole range of the inputs, as data."""
+"""The reachable set: equilibria over the whole range of the inputs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy  # scipy.stats, half a second, only where places are sampled
+import scipy  # scipy.stats takes half a second and is needed only for several inputs
 
 from pliant.errors import NotReachedError
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.inverse.target import Target
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 
-# Equilibria of one input, and at most for each further one (a power of two).
+# Number of equilibria of one input, and at most for each further one (a power of two).
 OF_ONE, OF_SEVERAL, MOST = 65, 256, 2048
 SEED = 0
 
@@ -23,7 +23,7 @@ SEED = 0
 class Reachable:
     """Equilibria: actuation (s, k) of `inputs`, markers (s, n + 2, 3), tip's direction (s, 3), coordinates (s, n, a).
 
-    `inside` (s,) says where all laws have data.
+    `inside` (s,) marks equilibria within the data of all laws.
     """
 
     inputs: tuple[str, ...]
@@ -35,16 +35,16 @@ class Reachable:
 
     @property
     def tips_m(self) -> Array:
-        """(s, 3)."""
+        """(s, 3) positions of the tip."""
         return np.asarray(self.markers_m[:, -1])
 
     @property
     def limits_m(self) -> Array:
-        """(3, 2) least and most of the tip's coordinates."""
+        """(3, 2) minimum and maximum of the tip's coordinates."""
         return np.stack([self.tips_m.min(axis=0), self.tips_m.max(axis=0)], axis=1)
 
     def distances(self, target: Target, turn_m: float) -> Array:
-        """(s,) how far each equilibrium is from a target, squared."""
+        """Return (s,) the squared distance of each equilibrium from a target."""
         total = np.zeros(len(self.actuation))
         if target.tip_m is not None:
             total += np.sum((self.tips_m - target.tip_m) ** 2, axis=1)
@@ -57,7 +57,7 @@ class Reachable:
         return total
 
     def write(self, path: Path) -> None:
-        """As CSV: inputs, tip, direction, whether the laws have data."""
+        """Write as CSV: inputs, tip, direction, whether the laws have data."""
         names = [
             *self.inputs,
             "tip_x_m",
@@ -76,7 +76,9 @@ class Reachable:
 def sample(
     simulation: Simulation, inputs: tuple[str, ...], bounds: Array, count: int | None = None
 ) -> Reachable:
-    """Equilibria at even steps of one input; of several at a Sobol sequence and all corners, each from a near one.
+    """Return equilibria at even steps of one input, or at a Sobol sequence and all corners of several inputs.
+
+    Each equilibrium is solved from a near one.
 
     Raises:
         NotReachedError: the chain settles nowhere.

@@ -1,12 +1,12 @@
-"""Which actuations bring a chain to a target: Gauss–Newton through its equilibrium, in bounds.
+"""Actuations that bring a chain to a target: Gauss–Newton through its equilibrium, within bounds.
 
 With r(p) the target's residual at the equilibrium under p, and J = ∂r/∂p by the implicit function theorem, a step
-solves min |r + J Δ|² over the inputs that are free to move; a step that does not help is damped (Levenberg and
-Marquardt). Bounds are kept by projection. Starts are the equilibria of the reachable set that lie nearest. Inputs count
-in shares of their ranges.
+solves min |r + J Δ|² over the inputs that are free to move; a step that does not lower |r| is damped (Levenberg and
+Marquardt). Bounds are kept by projection. Starts are the nearest equilibria of the reachable set. Inputs are scaled by
+their ranges.
 
-Redundancy: of all actuations that reach the target, the one whose sum of squares, in shares of the ranges, is smallest
-(along a path: whose change from the pose before is): steps in the null space of J lead there.
+Redundancy: among all actuations that reach the target, the solution has the smallest sum of squares, scaled by the
+ranges (along a path: the smallest change from the previous pose); it is found by steps in the null space of J.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import NotReachedError, UserError
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.inverse.answer import REACHED_M, InverseAnswer
-from pliant.inverse.limits import bounds_of
+from pliant.inverse.limits import input_bounds
 from pliant.inverse.reachable import Reachable, sample
 from pliant.inverse.target import Target
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, Response
 
-SETTLED_M = 1e-10  # of the residual: no step is needed
+SETTLED_M = 1e-10  # of the residual: below this no step is needed
 MOST_STEPS, MOST_SLIDES = 60, 40
 STARTS = 8
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e8
-# Shares of the largest singular value, squared, below which a direction does not move the target.
+# Squared share of the largest singular value below which a direction does not move the target.
 IDLE = 1e-8
-SMALL_SHARE = 1e-7  # of a range: a move that is none
-# Of a range: how near to the wanted actuations the redundancy's rule is followed.
+SMALL_SHARE = 1e-7  # of a range: a smaller move counts as no move
+# Of a range: tolerance of the distance to the wanted actuations.
 NO_DRIFT = 1e-3
-# Of the target, in m: how far a step along the null space may leave it before the next mends that.
+# Of the target, in m: how far a step along the null space may leave it before the next step corrects that.
 ASTRAY_M = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A point of the search: shares of the ranges, its equilibrium, residual and slopes by the shares."""
+    """A point of the search: inputs scaled by their ranges, equilibrium, residual, and slopes by the scaled inputs."""
 
     x: Array
     found: Response
@@ -51,7 +51,7 @@ class _Place:
 
 
 class InverseStatics:
-    """The inverse of one chain in an engine with gradients."""
+    """Inverse statics of one chain in an engine with gradients."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class InverseStatics:
         bounds: Mapping[str, tuple[float, float]] | None = None,
         samples: int | None = None,
     ) -> None:
-        """Prepare.
+        """Prepare the inverse of a chain.
 
         Args:
             simulation: of the chain.
@@ -71,27 +71,27 @@ class InverseStatics:
         """
         self.simulation, self.chain = simulation, simulation.chain
         self.inputs = self.chain.inputs
-        self.bounds = bounds_of(self.chain, bounds)
+        self.bounds = input_bounds(self.chain, bounds)
         self._range = np.ptp(self.bounds, axis=1)
         self._samples = samples
         self._reachable: Reachable | None = None
         self._no_force = np.zeros(3)
-        # Where inputs are left over, steps along the null space mend the rest.
+        # With redundant inputs, steps along the null space correct the remaining error.
         self._enough_m = SETTLED_M if len(self.inputs) == 1 else REACHED_M / 2
         self._evaluations = 0
 
     @property
     def reachable(self) -> Reachable:
-        """Equilibria over the whole range of the inputs; solved when first asked for."""
+        """Equilibria over the whole range of the inputs; solved on first access."""
         if self._reachable is None:
             self._reachable = sample(self.simulation, self.inputs, self.bounds, self._samples)
         return self._reachable
 
     def solve(self, target: Target) -> InverseAnswer:
-        """The actuations for one target.
+        """Return the actuations for one target.
 
         Raises:
-            UserError: a target that is none.
+            UserError: an invalid target.
             NotReachedError: a chain without any equilibrium in the bounds.
         """
         self._evaluations = 0
@@ -119,11 +119,11 @@ class InverseStatics:
         rates: Mapping[str, float] | None = None,
         time_step_s: float = 1.0,
     ) -> list[InverseAnswer]:
-        """The actuations along a path, each from the one before.
+        """Return the actuations along a path, each started from the previous one.
 
         Args:
             targets: in order, `time_step_s` apart.
-            rates: most change of an input per second; without any for inputs that are not named.
+            rates: largest change of an input per second; unlimited for inputs that are not named.
             time_step_s: between targets.
         """
         for name in rates or {}:
@@ -157,7 +157,7 @@ class InverseStatics:
         return self._answer(place, low, high, 1)
 
     def _nearest(self, target: Target) -> NDArray[np.int64]:
-        """Samples in the order of their distance to the target, a few of them."""
+        """Return the indices of the samples nearest to the target, nearest first."""
         distances = self.reachable.distances(target, self._turn(target))
         return np.argsort(distances, kind="stable")[:STARTS]
 
@@ -165,7 +165,7 @@ class InverseStatics:
         return self.chain.length_m if target.turn_m is None else target.turn_m
 
     def _at(self, target: Target, x: Array, q: Array, force: Array) -> _Place | None:
-        """The equilibrium at x from q; None where there is none."""
+        """Return the equilibrium at x, started from q; None where the chain does not converge."""
         self._evaluations += 1
         values = dict(zip(self.inputs, (x * self._range).tolist(), strict=True))
         found = self.simulation.respond(Inputs(values, force), q)
@@ -178,7 +178,7 @@ class InverseStatics:
         return self._no_force if target.push_n is None else -target.push_n
 
     def _descend(self, target: Target, x: Array, q: Array, low: Array, high: Array) -> _Place | None:
-        """The nearest minimum of the distance; None where the start is no equilibrium."""
+        """Return the nearest minimum of the distance; None where the start has no equilibrium."""
         force = self._force(target)
         place = self._at(target, np.clip(x, low, high), q, force)
         damping = 0.0
@@ -202,9 +202,9 @@ class InverseStatics:
         return place
 
     def _slide(self, target: Target, place: _Place, low: Array, high: Array, wanted: Array) -> _Place:
-        """Along the actuations that reach the target to the nearest of them to the wanted ones.
+        """Move along the actuations that reach the target to those nearest to the wanted ones.
 
-        Each step goes to the nearest actuations that reach the target to first order, which mends what is left too.
+        Each step goes to the nearest actuations that reach the target to first order, which also corrects the residual.
         """
         if len(place.x) == 1:
             return place
@@ -241,7 +241,7 @@ def _far(place: _Place, wanted: Array) -> float:
 
 
 def _step(place: _Place, low: Array, high: Array, damping: float) -> Array:
-    """The damped Gauss–Newton step of the inputs that a bound does not hold; the smallest where several do."""
+    """Return the damped Gauss–Newton step of the inputs that are not at a bound; the smallest if several solve it."""
     g = place.J.T @ place.r
     free = ~(((place.x <= low) & (g > 0.0)) | ((place.x >= high) & (g < 0.0)))
     step = np.zeros(len(g))
@@ -262,7 +262,7 @@ def _step(place: _Place, low: Array, high: Array, damping: float) -> Array:
 
 
 def _nearest_that_reaches(place: _Place, low: Array, high: Array, wanted: Array) -> Array:
-    """The y in the bounds nearest to `wanted` with J (y − x) = −r, as far as J lets it, by an active set."""
+    """Return the y in the bounds nearest to `wanted` with J (y − x) = −r, as far as J allows it, by an active set."""
     y, free = wanted.copy(), np.ones(len(wanted), bool)
     goal = place.J @ place.x - place.r
     for _ in range(len(y)):
@@ -283,5 +283,5 @@ def _nearest_that_reaches(place: _Place, low: Array, high: Array, wanted: Array)
     if np.linalg.norm(place.J @ y - goal) > 0.1 * np.linalg.norm(place.J @ (y - place.x)) + REACHED_M:
         return np.clip(
             place.x + _step(place, low, high, 0.0), low, high
-        )  # too many inputs are held: mend alone
+        )  # too many inputs are at bounds: only reduce the residual
     return y

@@ -1,4 +1,4 @@
-"""What a robot shall reach, as residuals of an equilibrium with their slopes by the actuations."""
+"""Targets of a robot as residuals of an equilibrium, with their slopes by the actuations."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pliant.records.rollout import Response
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A tip position, a direction of the tip, a whole backbone, or several of them; a force that the tip gives.
+    """A tip position, a direction of the tip, a whole backbone, or several of them; a force that the tip exerts.
 
     Attributes:
         tip_m: (3,) in the world.
         direction: (3,) of the tip's x axis in the world; only its direction counts.
         backbone_m: (n + 2, 3) base, joints and tip.
-        push_n: (3,) force that the robot gives to what it touches there: it settles under the reaction, −push.
-        turn_m: length that one radian of direction counts as; the chain's length where it is None.
+        push_n: (3,) force that the robot exerts on what it touches: it settles under the reaction, −push.
+        turn_m: length that one radian of direction counts as; None: the chain's length.
     """
 
     tip_m: Array | None = None
@@ -30,10 +30,10 @@ class Target:
     turn_m: float | None = None
 
     def checked(self, n_joints: int) -> Target:
-        """The same with unit direction and arrays.
+        """Return the target with a unit direction and arrays.
 
         Raises:
-            UserError: nothing to reach, a wrong shape, or what is not a number.
+            UserError: an empty target, a wrong shape, or values that are not finite numbers.
         """
         shapes = {"tip_m": (3,), "direction": (3,), "push_n": (3,), "backbone_m": (n_joints + 2, 3)}
         found: dict[str, Array] = {}
@@ -59,7 +59,7 @@ class Target:
         return Target(**found, turn_m=self.turn_m)
 
     def residual(self, found: Response, turn_m: float) -> tuple[Array, Array]:
-        """r (m,) in m, whose length is the distance, and ∂r/∂p (m, k)."""
+        """Return r (m,) in m, whose length is the distance, and ∂r/∂p (m, k)."""
         parts, slopes = [], []
         if self.tip_m is not None:
             parts.append(found.markers_m[-1] - self.tip_m)

@@ -1,4 +1,4 @@
-"""Bench recordings: files are read, repeats recognised, noise floors and effective sample sizes estimated.
+"""Recordings: files are read, repeats identified, noise floors and effective sample sizes estimated.
 
-Import from the files: `reading.py` is the way in.
+Import from the modules: `reading.py` is the entry point.
 """

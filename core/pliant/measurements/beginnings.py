@@ -1,9 +1,9 @@
-"""Readings that rest on states which nobody recorded: the first seconds of a run that begins in motion.
+"""Readings that depend on unrecorded states: the first seconds of a run that begins in motion.
 
-A model begins a run at rest under its first inputs. Where these were on their way already, or where a stretch was
-dropped while they moved, what lags, creeps or rubs is elsewhere, and forgets it within seconds. These readings are
-left out, their inputs stay. What creeps for longer is remembered better if the run is led in: the straight line on
-which the inputs are at first is followed back to where it came from.
+A model begins a run at rest under its first inputs. If these were already moving, or if samples are missing while they
+moved, the states of lag, creep and friction are unknown and decay within seconds. These readings are left out, their
+inputs are kept. For slower creep a ramp is prepended: the straight line of the first inputs is extrapolated back to its
+origin.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
-# What is left out of a run from such an instant on: so many seconds, and at most this share of the run.
+# What is left out of a run from such an instant on: this many seconds, and at most this share of the run.
 FORGOTTEN_S, SHARE = 4.0, 0.25
-# A stretch is missing where a step is so many times the usual one, and longer than so many seconds.
+# Samples are missing where a step exceeds the usual one by this factor, and is longer than this many seconds.
 TIMES, LONG_S = 5.0, 2.0
-# Samples within which an input that moves is seen to.
+# Samples within which the motion of an input is detected.
 AT_ONCE = 2
 
 
 def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str, ...]]:
-    """The measurement without the readings after unknown states, and a sentence about them; none where all is known."""
+    """Return the measurement without the readings after unknown states, and a sentence about them.
+
+    No sentence is returned if all states are known.
+    """
     highest = _highest([run.history for run in measurement.runs])
     runs, found, seconds = [], [], 0.0
     of_outputs = [settling(measurement.runs, name) for name in measurement.outputs]
@@ -39,7 +42,7 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
         if any(run.name in one for one in of_outputs)
     }
     for run in measurement.runs:
-        if run.history.let_go is not None:  # it is known: held there until then
+        if run.history.let_go is not None:  # its state is known: held there until the release
             runs.append(run)
             continue
         unknown = unknown_states(run.history, highest)
@@ -61,11 +64,11 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
     )
 
 
-def led_in(histories: Sequence[History]) -> list[History]:
-    """Histories with a sample before the first one where that is in motion.
+def prepend_ramp(histories: Sequence[History]) -> list[History]:
+    """Return histories with a sample prepended to those that begin in motion.
 
-    Inputs and loads are followed back on the line of the first samples: to zero if they move away from it, else to the
-    largest size that they have in any run. All else was as it is at first.
+    Inputs and loads are extrapolated back along the line of the first samples: to zero if they move away from it, else
+    to their largest magnitude in any run. Everything else keeps its first value.
     """
     highest = _highest(histories)
     found = []
@@ -76,7 +79,7 @@ def led_in(histories: Sequence[History]) -> list[History]:
 
 
 def _came_from(history: History, highest: dict[str, float]) -> tuple[float, dict[str, float]] | None:
-    """How long before its first sample a motion began, s, and where its inputs were; None for a run from rest."""
+    """Return how long before its first sample a motion began, s, and its initial inputs; None for a run from rest."""
     if history.let_go is not None or not _begins_in_motion(history, highest):
         return None
     assert history.time_s is not None
@@ -93,7 +96,7 @@ def _came_from(history: History, highest: dict[str, float]) -> tuple[float, dict
 
 
 def _with_first(history: History, seconds: float, ends: dict[str, float]) -> History:
-    """The history with one more sample so long before, inputs and loads at these ends, all else as it is at first."""
+    """Return the history with one more sample `seconds` earlier, inputs and loads at `ends`, else first values."""
 
     def longer(values: Array, first: object = None) -> Array:
         return np.concatenate(
@@ -121,13 +124,11 @@ def _begins_in_motion(history: History, highest: dict[str, float]) -> bool:
     if history.time_s is None or len(history) < AT_ONCE + 1:
         return False
     on = {name: v for name, v in _moving(history).items() if abs(v[0]) > DRIVEN * highest[name]}
-    return _moves(
-        on, highest, 0, AT_ONCE
-    )  # a pressure that rises from zero under a load that stands does not
+    return _moves(on, highest, 0, AT_ONCE)  # a pressure that rises from zero under a constant load does not
 
 
 def unknown_states(history: History, highest: dict[str, float]) -> NDArray[np.bool_]:
-    """(t,) samples that follow, within what is forgotten, an instant at which the state is not known.
+    """Return (t,) samples that follow an instant with an unknown state before its influence has decayed.
 
     `highest`: the largest size of each input and load over all runs.
     """

@@ -1,4 +1,4 @@
-"""The `measurements` block that reads the same files again, with the lines that doubts and refusals ask for."""
+"""The `measurements` block that reads the same files again, with the lines that reports and errors ask for."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TO_CHOOSE = "take the '# ' away before a line that is true"
 
 
 def advised(sentences: Iterable[str]) -> list[dict[str, Any]]:
-    """The lines of notes that sentences of the reader quote, each once and in their order."""
+    """Return the lines of notes that the reader's sentences quote, each once and in their order."""
     found: list[dict[str, Any]] = []
     for text in (match[1] for sentence in sentences for match in QUOTED.finditer(sentence)):
         key = text.partition(":")[0]
@@ -34,9 +34,9 @@ def advised(sentences: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def asked(error: UserError, block: Mapping[str, Any]) -> UserError:
-    """The error with the block that reads the files once one of the lines that it quotes was chosen.
+    """Return the error with the block that reads the files after one of the lines that it quotes is chosen.
 
-    It stays as it is where it quotes none, or ends in notes to paste itself.
+    It is unchanged if it quotes none, or already ends in notes to paste.
     """
     text = str(error)
     if any(line.removesuffix(":") in MeasurementNotes.model_fields for line in text.splitlines()):
@@ -48,7 +48,7 @@ def asked(error: UserError, block: Mapping[str, Any]) -> UserError:
 
 
 def _without_joined(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The block without files that a choice joins to another one."""
+    """Return the block without files that a choice joins to another one."""
     said = [choice["join"] for choice in choices if "join" in choice]
     joined = {Path(one["file"] if isinstance(one, Mapping) else one).name for one in said}
     named = block.get("file", ())
@@ -60,13 +60,13 @@ def _without_joined(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any
 
 
 def block_text(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]] = ()) -> str:
-    """The block as YAML; each of the choices stands in it as a comment, to be taken by deleting its "# ".
+    """Return the block as YAML, with each choice as a comment that is activated by deleting its "# ".
 
     Args:
         block: keys of `measurements`, `file` first.
-        choices: lines of notes that may be true, as `advised` gives them.
+        choices: lines of notes that may apply, as `advised` returns them.
     """
-    if not block and not choices:  # a frame of which nothing is stated
+    if not block and not choices:  # a frame without any notes
         return ""
     lines = ["measurements:", *(f"  {line}" for key in block for line in _lines(key, block, choices))]
     for key in dict.fromkeys(key for choice in choices for key in choice if key not in block):
@@ -77,7 +77,7 @@ def block_text(block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]] = 
 
 
 def _lines(key: str, block: Mapping[str, Any], choices: Sequence[Mapping[str, Any]]) -> list[str]:
-    """One key with the choices that concern it: as comments where the block has it, else as they are."""
+    """Return one key with the choices that concern it: as comments if the block has the key, else uncommented."""
     offered = [choice[key] for choice in choices if key in choice and choice[key] != block.get(key)]
     inner = [value for value in offered if isinstance(value, Mapping)]
     lines = _dumped({key: block[key]}) if key in block else [f"{key}:"] if inner else []
@@ -96,7 +96,7 @@ def _dumped(values: Mapping[str, Any]) -> list[str]:
 
 
 def files_and_notes(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
-    """Arguments of a command: files, and "key=value" texts as notes on them (``units.angle_rad=deg``).
+    """Split a command's arguments into files, and "key=value" texts as notes on them (``units.angle_rad=deg``).
 
     Raises `UserError` where no file is named.
     """
@@ -112,7 +112,7 @@ def files_and_notes(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]
 
 
 def with_files(block: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
-    """The block with its files as seen from a folder, or absolute; one file stands alone."""
+    """Return the block with its files relative to a folder, or absolute; a single file is not put into a list."""
     files = [block["file"]] if isinstance(block["file"], str) else list(block["file"])
     paths = [
         os.path.relpath(file, folder).replace(os.sep, "/") if folder else str(Path(file).absolute())

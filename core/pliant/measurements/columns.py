@@ -1,4 +1,4 @@
-"""Columns of a measurement file: which names are known, in which unit, what each is for, and which a file has."""
+"""Columns of a measurement file: known names, their units and roles, and their match with a header."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from dataclasses import replace
 
 from pliant.config.measurements import PER_RUN, UNKNOWN, MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.tabular.names import meanings
-from pliant.tabular.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
-from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import stem, value_of
+from pliant.units import split_unit
+from pliant_tables.names import bare, meanings
+from pliant_tables.preamble import rates
+from pliant_tables.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
+from pliant_tables.sheet import NumberedSheet, Sheet
+from pliant_tables.side_by_side import group_numbered_names
+from pliant_tables.units import parse_si_value, stem
 
 # The measurement CSV of docs/measurement_files.md.
 KNOWN = (
@@ -20,11 +23,11 @@ KNOWN = (
     Known(r"time", "_s", "s", "time"),
     Known(r"pressure(_[1-9]\d*)?", "_pa", "Pa", "input"),
     Known(r"tendon_force(_[1-9]\d*)?", "_n", "N", "input"),
-    Known(r"held_angle", "_rad", "rad", "input"),  # imposed by the bench, which reads what holds it
+    Known(r"held_angle", "_rad", "rad", "input"),  # imposed by the test rig, which reads the reaction
     Known(r"held_elongation", "_strain", "dimensionless", "input"),
     Known(r"blocked_moment", "_n_m", "N*m", "output"),
     Known(r"blocked_force", "_n", "N", "output"),
-    Known(r"tendon_travel(_[1-9]\d*)?", "_m", "m", "output"),  # an input where the chain says so
+    Known(r"tendon_travel(_[1-9]\d*)?", "_m", "m", "output"),  # an input if the chain says so
     Known(r"moment", "_n_m", "N*m", "condition"),
     Known(r"tip_force_[xyz]", "_n", "N", "condition"),
     Known(r"payload", "_kg", "kg", "condition"),
@@ -67,8 +70,8 @@ EXAMPLES = (
 MEASUREMENT = Schema(KNOWN, "run,time_s,pressure_pa,angle_rad")
 
 
-def unit_of(name: str) -> str:
-    """SI unit of a column or output: "rad" for `angle_rad`, "" for texts and counts.
+def column_si_unit(name: str) -> str:
+    """Return the SI unit of a column or output: "rad" for `angle_rad`, "" for texts and counts.
 
     Raises `UserError` for a name that is not in docs/measurement_files.md.
     """
@@ -79,7 +82,7 @@ def unit_of(name: str) -> str:
 
 
 def outputs_among(names: Iterable[str]) -> list[str]:
-    """Those of the names that are readings."""
+    """Return the names that are readings."""
     known = ((name, MEASUREMENT.find(name)) for name in names)
     return [name for name, column in known if column is not None and column.role == "output"]
 
@@ -91,15 +94,15 @@ def match(
     inputs: frozenset[str] = frozenset(),
     elsewhere: set[tuple[str, str]] | None = None,
 ) -> dict[str, FileColumn]:
-    """The columns of a sheet that are known, by name, with what the notes say of rates and zeros.
+    """Return the known columns of a sheet by name, with the rates and zeros of the notes.
 
-    `elsewhere` takes the keys and columns of notes that this file does not have, which is an error without it.
+    `elsewhere` collects the keys and columns of notes that this file does not have; without it they are an error.
     """
 
     def check(key: str, keys: Iterable[str], columns: Iterable[str]) -> None:
         known = set(columns)
         if elsewhere is None:
-            check_named(path, notes_name, key, keys, known)
+            check_named(path, notes_name, key, keys, known, notes)
         else:
             elsewhere.update((key, name) for name in keys if name not in known)
 
@@ -110,7 +113,7 @@ def match(
     found = MEASUREMENT.matched(path, written, notes, inputs, stamped(sheet))
     if (
         "time_s" not in found
-        and (clock := _of_labview(sheet) or _of_frames(sheet, notes, notes_name)) is not None
+        and (clock := _labview_clock(sheet) or _frame_clock(sheet, notes, notes_name)) is not None
     ):
         found["time_s"] = clock
     check("zero", notes.zero, [*named, *found])
@@ -118,16 +121,18 @@ def match(
 
 
 def with_zero(column: FileColumn, notes: MeasurementNotes, notes_name: str) -> FileColumn:
-    """A column from whose numbers the zero of the notes is subtracted, where they state one."""
-    zero = noted(notes.zero, column.written, stem(column.written), column.name)
+    """Return a column whose numbers have the zero of the notes subtracted, if they state one."""
+    names = (column.written, stem(column.written), column.name)
+    zero = noted(notes.zero, *names)
     if zero is None or zero in (UNKNOWN, PER_RUN):
         return column
-    value = value_of(zero, column.unit, f"{notes_name}: 'zero' of '{column.written}'")
+    where = notes.at(notes_name, "zero", next(name for name in names if name in notes.zero))
+    value = parse_si_value(zero, column.unit, f"{where}: 'zero' of '{column.written}'")
     return replace(column, shift=column.shift - value, zero=value)
 
 
-def _of_labview(sheet: Sheet) -> FileColumn | None:
-    """The column X_Value of a LabVIEW measurement file, which is the time in seconds unless its header says else."""
+def _labview_clock(sheet: Sheet) -> FileColumn | None:
+    """Return the column X_Value of a LabVIEW measurement file: the time in seconds unless its header says otherwise."""
     labview = any(line.startswith("LabVIEW Measurement") for line in sheet.preamble)
     other = any(line.startswith("X_Dimension") and "Time" not in line for line in sheet.preamble)
     if labview and not other and "X_Value" in sheet.header:
@@ -135,32 +140,67 @@ def _of_labview(sheet: Sheet) -> FileColumn | None:
     return None
 
 
-FRAME_RATE = re.compile(
-    r"\b(?:frame|sampl\w*|recording|picture|video|bild\w*|abtast\w*)[\s_-]*(?:rate|frequen\w*|freq)?\b[^\d\n]*?"
-    r"(\d+(?:[.,]\d+)?)[\s,;]*(?:fps|hz|1/s)\b|\bfps\b\W*(\d+(?:[.,]\d+)?)",
-    re.IGNORECASE,
-)
+def with_frames(sheet: Sheet, notes: MeasurementNotes) -> Sheet:
+    """Return the sheet with its rows numbered as frames if it has no clock and the rate of its rows is known.
+
+    The rate is `rate` in the notes; positions of Qualisys without frames state theirs.
+    """
+    qualisys = any(line.startswith("MARKER_NAMES") for line in sheet.preamble)
+    if notes.rate is None and not qualisys:
+        return sheet
+    named = {
+        meant
+        for name in sheet.header
+        for meant in meanings(bare(noted(notes.rename, name, stem(name)) or name))
+    }
+    own = {noted(notes.rename, name, stem(name)) or name for name in sheet.header}
+    clocked = (
+        named & {"frame", "time"} or any(name.startswith("time") for name in own) or _labview_clock(sheet)
+    )
+    return sheet if clocked else NumberedSheet.around(sheet, "frame")
 
 
-def _of_frames(sheet: Sheet, notes: MeasurementNotes, notes_name: str) -> FileColumn | None:
-    """The clock that a column of numbered pictures is, at the rate of the notes or of a line above the header."""
-    written = next((name for name in sheet.header if "frame" in meanings(notes.rename.get(name, name))), None)
+def _frame_clock(sheet: Sheet, notes: MeasurementNotes, notes_name: str) -> FileColumn | None:
+    """Return the clock from a column of frame numbers, at the rate of the notes or of a line above the header."""
+    written = next(
+        (n for n in sheet.header if "frame" in meanings(noted(notes.rename, n, stem(n)) or n)), None
+    )
     if written is None:
         return None
-    rates = {rate for line in sheet.preamble for rate in _rates(line)}
-    if notes.rate is None and len(rates) != 1:
+    stated = rates(sheet.preamble, sheet.separator)
+    if notes.rate is None and len(stated) != 1:
         several = (
-            f"; the lines above the header say {' and '.join(f'{r:g}' for r in sorted(rates))} Hz"
-            if rates
+            f"; the lines above the header say {' and '.join(f'{r:g}' for r in sorted(stated))} Hz"
+            if stated
             else ""
         )
         raise UserError(
-            f"{sheet.path}: column '{written}' numbers pictures, and nothing says their rate{several}. Write "
+            f"{sheet.path}: column '{written}' holds numbers of pictures, and nothing says their rate{several}. Write "
             f"'rate: 25 Hz', or what it was, into {notes_name}."
         )
-    rate = notes.rate if notes.rate is not None else rates.pop()
+    rate = notes.rate if notes.rate is not None else stated.pop()
     return FileColumn(written, "time_s", "time", "s", 1.0 / rate, in_unit=FRAMES)
 
 
-def _rates(line: str) -> list[float]:
-    return [float((one or other).replace(",", ".")) for one, other in FRAME_RATE.findall(line)]
+def single_column_remarks(columns: Iterable[FileColumn], unknown: Iterable[str]) -> list[str]:
+    """Return a sentence for each column read as the only one of its kind although others differ only by a number.
+
+    Args:
+        columns: those that are read.
+        unknown: those that are not.
+    """
+    rows, said = group_numbered_names(unknown), []
+    for column in columns:
+        mine = next(iter(group_numbered_names([column.written])), "")
+        others = list(rows.get(mine, ()))
+        if others and column.role in ("input", "output") and not re.search(r"\d", column.name):
+            what = split_unit(column.name)[0].replace("_", " ")
+            names = (
+                f"{', '.join(others[:4])}{', …' * (len(others) > 4)} {'is' if len(others) == 1 else 'are'}"
+            )
+            numbered = "pressure_1_pa, …" if column.role == "input" else "joint_1_angle_rad, …"
+            said.append(
+                f"{column.written} is read as the only {what}, and {names} not: a robot of several has all of them, "
+                f"renamed to {numbered}."
+            )
+    return said

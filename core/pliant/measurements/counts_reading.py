@@ -1,4 +1,4 @@
-"""Read a file of counts: successes of trials under conditions, which are keys of the study's task."""
+"""Reader of count files: successes of trials under conditions, which are keys of the study's task."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
-from pliant.measurements.notes import digest_of, notes_on
+from pliant.measurements.notes import file_digest, notes_on
 from pliant.records.counts import CountCondition, Counts, CountSet
-from pliant.tabular.cells import MISSING, Problems
-from pliant.tabular.opening import FRAME, is_frame, open_sheet
-from pliant.tabular.schema import check_named, noted
-from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import ENDINGS, SPELLINGS, stem, unit_in
 from pliant.units import UNIT_SUFFIXES
+from pliant_tables.cells import MISSING, Problems
+from pliant_tables.columns import is_frame
+from pliant_tables.opening import FRAME, open_sheet
+from pliant_tables.schema import check_named, noted
+from pliant_tables.sheet import Sheet
+from pliant_tables.units import ENDINGS, SPELLINGS, stem, unit_in
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
 COUNTS = ("successes", "trials")
-TEXTS = ("run", "specimen", "cycle")  # say which set a row is
-SLIP = 0.75  # likeness of a column's name to a key from which on it is taken for a slip of the pen
+TEXTS = ("run", "specimen", "cycle")  # identify the set of a row
+SLIP = 0.75  # likeness of a column's name to a key from which it is taken for a misspelling
 MOST_ROWS = 10_000
 MOST_TRIALS = 1_000_000_000
 
@@ -39,10 +40,10 @@ MOST_TRIALS = 1_000_000_000
 def holds_counts(
     source: Path | Any, task: TaskConfig | None, settings: MeasurementsConfig | None = None
 ) -> bool:
-    """Whether a file is one of counts: it has successes or trials, and no readings that the study could be asked for.
+    """Return whether a file contains counts: it has successes or trials, and no readings that the study could use.
 
-    Beside readings, counts are for a study whose task counts trials (then `read_counts` refuses the mixture); a
-    chain's readings are compared and its counts are ignored.
+    If it also has readings, it counts only for a study whose task counts trials (then `read_counts` refuses the
+    mixture); a chain's readings are compared and its counts are ignored.
     """
     notes, notes_name = notes_on(source, settings)
     with open_sheet(source, MEASUREMENT.example, notes, notes_name) as sheet:
@@ -52,7 +53,7 @@ def holds_counts(
 
 
 def counts_trials(task: TaskConfig) -> bool:
-    """Whether a task can be done several times with other random numbers, and counts how often it succeeds."""
+    """Return whether a task can be repeated with other random numbers, and counts its successes."""
     return {"trials", "seed"} <= set(type(task).model_fields)
 
 
@@ -65,7 +66,7 @@ def read_counts(source: Path | Any, task: TaskConfig, settings: MeasurementsConf
         settings: the study's `measurements` block; its entries come before those of the notes.
 
     Raises:
-        UserError: no such columns, a column that names no key of the task, or rows that cannot be, with their lines.
+        UserError: no such columns, a column that names no key of the task, or impossible rows, with their lines.
     """
     path = Path(FRAME if is_frame(source) else source)
     notes, notes_name = notes_on(source, settings)
@@ -75,13 +76,13 @@ def read_counts(source: Path | Any, task: TaskConfig, settings: MeasurementsConf
     sheet.problems.raise_if_any()
     if not rows:
         raise UserError(f"{path}: the file has a header and no rows.")
-    digest = "" if is_frame(source) else digest_of(path)
+    digest = "" if is_frame(source) else file_digest(path)
     return Counts(_conditions(rows, layout), path.name, digest, tuple(layout.remarks))
 
 
 @dataclass(frozen=True)
 class TaskKeyColumn:
-    """A column that sets a key: how its texts become values. `unit` is what the texts are written in, or ""."""
+    """A column that sets a key, with the conversion of its texts. `unit` is that of the texts, or ""."""
 
     column: str
     key: TaskKey
@@ -89,7 +90,7 @@ class TaskKeyColumn:
     values: Mapping[str, Any]
 
     def value(self, text: str) -> Any:
-        """What a text means to the task."""
+        """Return the task's value of a text."""
         if self.values:
             return self.values[text]
         if self.unit:
@@ -102,7 +103,7 @@ class TaskKeyColumn:
         return text
 
     def words(self, text: str) -> str:
-        """A condition for people: ``cylinder``, ``13 kPa``, ``2 extra weights``."""
+        """Return a condition for display: ``cylinder``, ``13 kPa``, ``2 extra weights``."""
         if self.unit:
             return f"{text} {self.unit}"
         try:
@@ -116,7 +117,7 @@ class TaskKeyColumn:
 
 @dataclass
 class Layout:
-    """Which column is what, by its place in the file."""
+    """The role of each column, by its index in the file."""
 
     places: dict[str, int] = field(default_factory=dict)
     conditions: list[TaskKeyColumn] = field(default_factory=list)
@@ -133,12 +134,12 @@ class _CountRow:
 def _layout(
     path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
 ) -> Layout:
-    """Match the header with what counts need and what the task knows."""
+    """Match the header with the counts and the keys of the task."""
     names = [_called(name, notes) for name in header]
     every = [*header, *map(stem, header)]
-    check_named(path, notes_name, "rename", notes.rename, every)
-    check_named(path, notes_name, "units", notes.units, [*every, *names])
-    check_named(path, notes_name, "conditions", notes.conditions, [*every, *names])
+    check_named(path, notes_name, "rename", notes.rename, every, notes)
+    check_named(path, notes_name, "units", notes.units, [*every, *names], notes)
+    check_named(path, notes_name, "conditions", notes.conditions, [*every, *names], notes)
     if readings := outputs_among(name.lower() for name in names):
         raise UserError(
             f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
@@ -183,13 +184,13 @@ def _layout(
 
 
 def _called(written: str, notes: MeasurementNotes) -> str:
-    """A column's name without its unit; Pliant's for what counts or names a set, and for a reading."""
+    """Return a column's name without its unit; Pliant's name for counts, readings and columns that name a set."""
     renamed = noted(notes.rename, written, stem(written))
     if renamed is not None:
         return renamed
     column = None
-    with suppress(UserError):  # a unit of a condition, which the task will judge
-        column = MEASUREMENT.column_of(written, written, None, frozenset())
+    with suppress(UserError):  # a unit of a condition, which is checked with the task
+        column = MEASUREMENT.resolve_column(written, written, None, frozenset())
     of_counts = column is not None and column.role in ("count", "text", "cycle", "output")
     return column.name if column is not None and of_counts else stem(written)
 
@@ -202,12 +203,17 @@ def _condition(
     notes_name: str,
     task: type[TaskConfig],
 ) -> TaskKeyColumn | None:
-    """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
+    """Return what a column sets, None if it is ignored; raise `UserError` for a misspelt key."""
     unit = noted(notes.units, written, stem(written), name) or unit_in(written) or ""
     unit = SPELLINGS.get(unit, unit)
     stated = noted(notes.conditions, written, stem(written), name)
     if stated is not None:
-        key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
+        key = need_key(
+            task,
+            stated.key,
+            ENDINGS,
+            f"{notes.at(notes_name, 'conditions', written)}: 'conditions' gives '{written}' the key",
+        )
         return TaskKeyColumn(written, key, unit or key.unit, stated.values)
     found = find_key(task, name, ENDINGS)
     if found is not None:
@@ -233,7 +239,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
                     sheet.problems.add(line, f"column {name} is blank; a row needs both counts")
             numbers = {name: float(values[k]) for name, values in counts.items()}
             one = None
-            if np.isfinite(list(numbers.values())).all():  # the others were told
+            if np.isfinite(list(numbers.values())).all():  # the others were reported
                 if problem := _problem(**numbers):
                     sheet.problems.add(line, problem)
                 else:
@@ -253,7 +259,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_CountRow]:
 
 
 def _problem(successes: float, trials: float) -> str:
-    """Why these cannot be counts, or an empty text."""
+    """Return why these cannot be counts, or an empty text."""
     for label, value in zip(COUNTS, (successes, trials), strict=True):
         if value != int(value):
             return f"column {label} is {value:g}; a count is a whole number"
@@ -271,7 +277,7 @@ def _problem(successes: float, trials: float) -> str:
 def _values(
     texts: Sequence[str], layout: Layout, task: TaskConfig, line: int, problems: Problems
 ) -> tuple[Any, ...] | None:
-    """The values that a row's texts mean, as the task understands them; None where one cannot be, which is told."""
+    """Return the task's values of a row's texts; None where one is invalid, which is reported."""
     changes: dict[str, Any] = {}
     for text, condition in zip(texts, layout.conditions, strict=True):
         if text.lower() in MISSING:
@@ -295,7 +301,7 @@ def _values(
 
 
 def _conditions(rows: Sequence[_CountRow], layout: Layout) -> tuple[CountCondition, ...]:
-    """Rows of one condition together, in the order of their first rows; what never varies goes unsaid."""
+    """Return rows grouped by condition, in the order of their first rows; constant columns are not named."""
     together: dict[str, list[_CountRow]] = {}
     for row in rows:
         together.setdefault(repr(row.values), []).append(row)

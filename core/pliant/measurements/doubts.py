@@ -1,7 +1,7 @@
-"""What readings themselves make one doubt: absolute pressure, a zero that is off, sensors that saturate or freeze.
+"""Data quality checks of readings: absolute pressure, a wrong zero, sensors that saturate or freeze.
 
-Each is gated so that a healthy bench raises none: it holds pressure, its sensors are quantised, its specimens creep,
-stick and wait.
+Each check has thresholds so that healthy data raise none: pressures that are held, quantised sensors, specimens that
+creep, stick and rest.
 """
 
 from __future__ import annotations
@@ -13,41 +13,42 @@ from itertools import pairwise
 import numpy as np
 
 from pliant.formatting import number, plural
-from pliant.measurements.columns import unit_of
+from pliant.measurements.columns import column_si_unit
 from pliant.measurements.plausible import as_key
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Doubt, MeasuredRun
-from pliant.tabular.schema import FileColumn
+from pliant_tables.schema import FileColumn
 
-ATMOSPHERE_PA = (98e3, 104.5e3)  # in which an absolute sensor begins on a bench
-BELOW_PA = 3e3  # that it may fall below its begin
-MOVES = 0.02  # of its first value: a pressure that moves
-IDLE = 0.01  # of the range of an input: it is zero
-OFF, ALIKE = 0.2, 0.05  # of an output's range: a zero that is off, and how little runs differ in it
-STRETCH, SHARE = 8, 0.08  # samples, and share of the run, that stand still
+ATMOSPHERE_PA = (98e3, 104.5e3)  # range of the first value of an absolute sensor
+HIGH_UP_PA = (60e3, 98e3)  # the same up to 4000 m above sea level, where readings must also begin at zero
+BELOW_PA = 3e3  # by which it may fall below its first value
+MOVES = 0.02  # of its first value: a pressure with a larger range moves
+IDLE = 0.01  # of the range of an input: below it the input is zero
+OFF, ALIKE = 0.2, 0.05  # of an output's range: a wrong zero, and the maximum difference between runs in it
+STRETCH, SHARE = 8, 0.08  # samples, and share of the run, with a constant value
 FINE = 0.02  # of the range: the step of a sensor that is not coarse
-EXCURSION = 0.1  # of its range that something else goes away and comes back meanwhile
-BACK = 0.35  # of the excursion by which it may miss where it began
-TRAVEL = 0.25  # of its range that the input travels while a sensor stands still
-JUMP, TIMES = 0.05, 5.0  # of the range, and of the usual step, by which a frozen sensor goes on
-DRIVEN, SETTLED = 0.1, 0.05  # of an input's range: it is on; of a motion: what is left when it is over
-MOTION, FEWEST = 0.5, 4  # of an output's range, and samples, of a motion that nothing drives
+EXCURSION = 0.1  # of its range by which another signal moves away and returns meanwhile
+BACK = 0.35  # of the excursion by which the return may miss the start
+TRAVEL = 0.25  # of its range that the input travels while a sensor is constant
+JUMP, TIMES = 0.05, 5.0  # of the range, and of the usual step, by which a frozen sensor resumes
+DRIVEN, SETTLED = 0.1, 0.05  # of an input's range: it is on; of a motion: the remainder when it is over
+MOTION, FEWEST = 0.5, 4  # of an output's range, and samples, of a motion without changing inputs
 MID_MOTION = "begins in the middle of a motion"
 FROM_ZERO = re.compile(r"(joint_\d+_)?angle(_[yz])?_rad|elongation_strain")
 
 
 def sensor_doubts(runs: Sequence[MeasuredRun], columns: Mapping[str, FileColumn], notes: str) -> list[Doubt]:
-    """Doubts of readings and inputs.
+    """Return doubts about readings and inputs.
 
     Args:
         runs: as read, SI.
         columns: those of the file by Pliant's name; others (of another logger, of the file's name) are not judged.
-        notes: where the user writes what the file does not say.
+        notes: where the user states what the file does not contain.
     """
     doubts: list[Doubt] = []
     for name in runs[0].history.actuation:
-        if name in columns and unit_of(name) == "Pa":
+        if name in columns and column_si_unit(name) == "Pa":
             doubts += _absolute(runs, columns[name], notes)
     if not doubts:  # an absolute pressure is never zero
         doubts += [
@@ -71,11 +72,9 @@ def _absolute(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> li
     values = [run.history.actuation[column.name] for run in runs if len(run)]
     begin = float(values[0][0])
     low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
-    if (
-        not ATMOSPHERE_PA[0] <= begin <= ATMOSPHERE_PA[1]
-        or low < begin - BELOW_PA
-        or high < (1 + MOVES) * begin
-    ):
+    at_sea = ATMOSPHERE_PA[0] <= begin <= ATMOSPHERE_PA[1]
+    high_up = HIGH_UP_PA[0] <= begin < HIGH_UP_PA[1] and _bends_from_zero(runs)
+    if not (at_sea or high_up) or low < begin - BELOW_PA or high < (1 + MOVES) * begin:
         return []
     value = _quantity(begin, column)
     return [
@@ -86,6 +85,13 @@ def _absolute(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> li
             f"'zero: {{{as_key(column.written)}: {value}}}' into {notes}. Nothing was changed.",
         )
     ]
+
+
+def _bends_from_zero(runs: Sequence[MeasuredRun]) -> bool:
+    """Return whether bends exist and all begin at zero, which excludes a gauge pressure of half an atmosphere."""
+    first, bends = runs[0], [name for name in runs[0].outputs if FROM_ZERO.fullmatch(name)]
+    values = [first.outputs[name] for name in bends if len(first)]
+    return bool(values) and all(abs(v[0]) <= ALIKE * float(np.nanmax(np.abs(v), initial=0.0)) for v in values)
 
 
 def _zero(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[Doubt]:
@@ -120,7 +126,7 @@ def _zero(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[D
 
 
 def _unloaded(history: History) -> bool:
-    """Whether a run begins without anything that bends it by itself."""
+    """Return whether a run begins without any load that bends it."""
     return (
         not history.tip_force_n[0].any()
         and not history.moment_n_m[0]
@@ -130,7 +136,7 @@ def _unloaded(history: History) -> bool:
 
 
 def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[Doubt]:
-    """Runs whose first readings travel far under inputs that are on and stand still: a model begins them at rest."""
+    """Return a doubt for runs whose first readings travel far under constant inputs: a model begins them at rest."""
     found = settling(runs, column.name)
     if not found:
         return []
@@ -146,7 +152,7 @@ def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> l
 
 
 def settling(runs: Sequence[MeasuredRun], output: str) -> dict[str, tuple[float, float, float]]:
-    """Runs that settle under inputs that stand still: the first reading, the last one, and the time until which."""
+    """Return runs that settle under constant inputs: the first reading, the last one, and the end time."""
     there = np.concatenate([run.outputs[output] for run in runs])
     span = float(np.ptp(there[np.isfinite(there)])) if np.isfinite(there).any() else 0.0
     signals = runs[0].history.actuation
@@ -171,7 +177,7 @@ def settling(runs: Sequence[MeasuredRun], output: str) -> dict[str, tuple[float,
 
 
 def _held_from_the_begin(history: History, highest: Mapping[str, float]) -> int:
-    """How many samples from the first one on have inputs that are on and stand still; 0 where none is on."""
+    """Return how many of the first samples have constant inputs that are on; 0 if none is on."""
     inputs = history.actuation
     if not any(abs(v[0]) > DRIVEN * highest[i] for i, v in inputs.items()):
         return 0
@@ -181,10 +187,10 @@ def _held_from_the_begin(history: History, highest: Mapping[str, float]) -> int:
 
 
 def _still(runs: Sequence[MeasuredRun], name: str, column: FileColumn, notes: str) -> list[Doubt]:
-    """A sensor that saturates at its largest value, or that freezes, in the first run where one sees it."""
+    """Return a doubt if a sensor saturates at its largest value or freezes, in the first run where this is visible."""
     is_input = name in runs[0].history.actuation
     if is_input and len(runs[0].history.actuation) > 1:
-        return []  # the other inputs move the outputs
+        return []  # the other inputs also move the outputs
     values = [run.history.actuation[name] if is_input else run.outputs[name] for run in runs]
     there = np.concatenate([v[np.isfinite(v)] for v in values])
     if there.size < 2 * STRETCH or not np.ptp(there):
@@ -214,21 +220,21 @@ def _still(runs: Sequence[MeasuredRun], name: str, column: FileColumn, notes: st
 
 
 def _stretches(values: Array) -> list[tuple[int, int]]:
-    """Begin and end of each succession of equal values."""
+    """Return start and end of each succession of equal values."""
     cuts = np.flatnonzero(np.diff(values) != 0) + 1  # NaN differs from everything
     ends = [0, *cuts.tolist(), len(values)]
     return [(a, b) for a, b in pairwise(ends) if b - a >= STRETCH]
 
 
 def _alike(history: History, start: int, end: int) -> bool:
-    """Whether loads and conditions stand still over a stretch."""
+    """Return whether loads and conditions are constant over a stretch."""
     held = [*history.tip_force_n.T, history.moment_n_m, *history.base_angles_rad.T]
     held += [v for v in (history.payload_kg, history.valve_open) if v is not None]
     return all(np.ptp(v[start:end]) == 0 for v in held)
 
 
 def _comes_back(values: Array, start: int, end: int) -> bool:
-    """Whether something goes away in the middle of a stretch and comes back to where it was at its begin."""
+    """Return whether a signal moves away in the middle of a stretch and returns to its value at the start."""
     inside = values[start:end]
     whole = values[np.isfinite(values)]
     if not np.isfinite(inside).all() or not whole.size or not np.ptp(whole):
@@ -238,7 +244,7 @@ def _comes_back(values: Array, start: int, end: int) -> bool:
 
 
 def _freezes(own: Array, span: float, start: int, end: int, inputs: Mapping[str, Array]) -> bool:
-    """Whether a reading stands still while the input travels, and then jumps to where it should be."""
+    """Return whether a reading is constant while the input travels, and then jumps to its expected value."""
     if start == 0 or end == len(own) or not np.isfinite(own[end]):
         return False
     travels = any(np.ptp(v) and np.ptp(v[start:end]) > TRAVEL * np.ptp(v) for v in inputs.values())

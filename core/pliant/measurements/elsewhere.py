@@ -1,4 +1,4 @@
-"""Columns that do not stand in the file itself: what its name, the notes on its runs and another logger say."""
+"""External columns of a measurement: from the file's name, the notes on its runs and another logger."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ import numpy as np
 
 from pliant.config.measurements import JoinedFile, MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match
+from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, with_frames
 from pliant.measurements.gathering import Gatherer
-from pliant.measurements.notes import notes_of
+from pliant.measurements.notes import effective_notes
 from pliant.records.design import Array
-from pliant.tabular.cells import Cells
-from pliant.tabular.opening import open_sheet
-from pliant.tabular.schema import FileColumn
-from pliant.tabular.units import value_of
+from pliant_tables.cells import Cells
+from pliant_tables.opening import open_sheet
+from pliant_tables.schema import FileColumn
+from pliant_tables.units import parse_si_value
 
 NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
 FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
 MOST_ROWS = 20_000_000  # of a joined file
-AT_ITS_ENDS = 1e-9  # of its span by which a time may miss it: clocks are written with few digits
+AT_ITS_ENDS = 1e-9  # of its span by which a time may exceed it: clocks are written with few digits
 
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """Columns with their values: constants from the file's name, and curves over the clock.
+    """Columns from outside the file: constants of the file's name, and curves over the clock.
 
     Attributes:
-        texts: run and specimen, where the name says them.
+        texts: run and specimen, if the name contains them.
         columns: of numbers, SI.
         constants: value of each of the first columns.
-        stated: values of the next columns by run, SI; NaN where the notes say nothing of a run.
-        specimens: by run, where the notes on it say one.
-        joined: what gives the others.
+        stated: values of the next columns by run, SI; NaN where the notes state none for a run.
+        specimens: by run, where the notes state one.
+        joined: source of the other columns.
         remarks: sentences on both.
     """
 
@@ -49,7 +49,7 @@ class Elsewhere:
     remarks: tuple[str, ...] = ()
 
     def values(self, times: Array | None, runs: Cells) -> list[Array]:
-        """(n,) of each column at the times of some rows, SI; NaN outside the span of the joined file."""
+        """Return (n,) of each column at the times of some rows, SI; NaN outside the span of the joined file."""
         constants = [np.full(len(runs), value) for value in self.constants]
         names = [run.strip() for run in runs]
         constants += [np.array([values.get(name, np.nan) for name in names]) for values in self.stated]
@@ -67,7 +67,7 @@ class Joined:
     width: int
 
     def at(self, times: Array, runs: Cells) -> list[Array]:
-        """(n,) of each column at some times."""
+        """Return (n,) of each column at some times."""
         found = np.full((self.width, len(times)), np.nan)
         alone = next(iter(self.runs)) if len(self.runs) == 1 else None
         names = np.array(runs, object)
@@ -83,15 +83,15 @@ class Joined:
         return list(found)
 
 
-def elsewhere(
+def external_columns(
     path: Path, notes: MeasurementNotes, notes_name: str, actuation: Sequence[str] | None, own: Container[str]
 ) -> Elsewhere:
-    """What the notes' `name_pattern` and `join` say; columns that the file has itself come first.
+    """Return the columns of the notes' `name_pattern`, `runs` and `join`; the file's own columns take precedence.
 
     Args:
         path: the file that is read.
         notes: on it.
-        notes_name: where they stand, for messages.
+        notes_name: where they are written, for messages.
         actuation: names of the chain's inputs.
         own: Pliant's names of the file's own columns.
 
@@ -101,12 +101,11 @@ def elsewhere(
     constants: dict[FileColumn, float] = {}
     remarks: list[str] = []
     if notes.name_pattern is not None:
-        fields = _fields(notes.name_pattern, notes_name, actuation)
+        fields = _fields(notes.name_pattern, notes.at(notes_name, "name_pattern"), actuation)
         found = _in_name(path.stem, notes.name_pattern, fields)
         if found is None and "run" not in own:
-            raise UserError(
-                f"{path}: its name does not fit 'name_pattern: {notes.name_pattern}' in {notes_name}."
-            )
+            where = notes.at(notes_name, "name_pattern")
+            raise UserError(f"{path}: its name does not fit 'name_pattern: {notes.name_pattern}' in {where}.")
         if found is None:
             remarks.append("The file's name does not fit 'name_pattern': its own columns are taken.")
         for written, text in (found or {}).items():
@@ -124,7 +123,7 @@ def elsewhere(
         said += [f"{column.name} {value:g}" for column, value in constants.items()]
         remarks += [f"The file's name says {', '.join(said)}."] if said else []
     told = {*texts, *(column.name for column in constants)}
-    stated, specimens = _of_runs(path, notes, notes_name, actuation, (own, told))
+    stated, specimens = _read_run_values(path, notes, notes_name, actuation, (own, told))
     joined, columns = None, [*constants, *stated]
     if notes.join is not None and actuation and all(name in own for name in actuation):
         remarks.append(f"The file has all inputs itself: {notes.join.file} is not joined.")
@@ -139,22 +138,22 @@ def elsewhere(
     return Elsewhere(texts, tuple(columns), values, given, specimens, joined, tuple(remarks))
 
 
-def _of_runs(
+def _read_run_values(
     path: Path,
     notes: MeasurementNotes,
     notes_name: str,
     actuation: Sequence[str] | None,
     known: Sequence[Container[str]],
 ) -> tuple[dict[FileColumn, dict[str, float]], dict[str, str]]:
-    """Return what the notes' `runs` say: values by column and run, SI, and specimens by run.
+    """Return the values in the notes' `runs`: by column and run, SI, and specimens by run.
 
-    Columns that are `known` already come first. Raises `UserError` for what is no column, or no quantity of its kind.
+    Columns in `known` take precedence. Raises `UserError` for an unknown column, or a quantity of the wrong kind.
     """
     found: dict[str, tuple[FileColumn, dict[str, float]]] = {}
     specimens: dict[str, str] = {}
     for run, values in notes.runs.items():
         for written, value in values.items():
-            where = f"{notes_name}: 'runs' of '{run}'"
+            where = f"{notes.at(notes_name, 'runs', run, written)}: 'runs' of '{run}'"
             column = _column(written, value, actuation)
             if column is None or column.role not in ("text", "input", "condition"):
                 raise UserError(
@@ -170,7 +169,7 @@ def _of_runs(
             number = (
                 column.scale * value + column.shift
                 if isinstance(value, int | float)
-                else value_of(value, column.unit, f"{where}, {written}")
+                else parse_si_value(value, column.unit, f"{where}, {written}")
             )
             found.setdefault(column.name, (column, {}))[1][run] = number
     return {
@@ -180,17 +179,17 @@ def _of_runs(
 
 
 def _column(written: str, value: float | str, actuation: Sequence[str] | None) -> FileColumn | None:
-    """Return the column that a key of a run's notes means: "payload_g", or "payload" beside "200 g"."""
+    """Return the column that a key of a run's notes means: "payload_g", or "payload" with "200 g"."""
     inputs = frozenset(actuation or ())
-    column = MEASUREMENT.column_of(written, written, None, inputs)
+    column = MEASUREMENT.resolve_column(written, written, None, inputs)
     if column is None and isinstance(value, str):
         unit = value.strip().lstrip("+-.0123456789eE ")
-        column = MEASUREMENT.column_of(written, written, unit or None, inputs)
+        column = MEASUREMENT.resolve_column(written, written, unit or None, inputs)
     return column
 
 
 def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> dict[str, FileColumn]:
-    """The column that each name in braces is."""
+    """Return the column of each name in braces."""
     names = FIELD.findall(pattern)
     if not names or len(set(names)) < len(names):
         raise UserError(
@@ -198,7 +197,7 @@ def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> d
         )
     fields = {}
     for name in names:
-        column = MEASUREMENT.column_of(name, name, None, frozenset(actuation or ()))
+        column = MEASUREMENT.resolve_column(name, name, None, frozenset(actuation or ()))
         if column is None:
             raise UserError(
                 f"{notes_name}: 'name_pattern' has '{{{name}}}', which is not a column of a measurement"
@@ -209,7 +208,7 @@ def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> d
 
 
 def _in_name(name: str, pattern: str, fields: Mapping[str, FileColumn]) -> dict[str, str] | None:
-    """The parts of a file's name that a pattern has names for; None where it does not fit."""
+    """Return the named parts of a file's name; None where it does not fit the pattern."""
     parts = FIELD.split(pattern)
     texts = [re.escape(text).replace(r"\*", ".*?") for text in parts[::2]]
     said = [f"(?P<{n}>{'.+?' if fields[n].role == 'text' else NUMBER})" for n in parts[1::2]]
@@ -221,8 +220,9 @@ def _joined(
     path: Path, join: JoinedFile, actuation: Sequence[str] | None, own: Container[str]
 ) -> tuple[Joined, list[FileColumn], str]:
     other = path.parent / join.file
-    notes, notes_name = notes_of(other, None)
-    with open_sheet(other, MEASUREMENT.example, notes, notes_name) as sheet:
+    notes, notes_name = effective_notes(other, None)
+    with open_sheet(other, MEASUREMENT.example, notes, notes_name) as opened:
+        sheet = with_frames(opened, notes)
         found = match(sheet, notes, notes_name, frozenset(actuation or ()))
         clock = found.get("time_s")
         used = [c for c in found.values() if c.role in ("input", "condition") and c.name not in own]

@@ -1,4 +1,4 @@
-"""Files as people name them: one, several, a pattern, tables in memory; read together as one measurement."""
+"""Reader of one or several files, a pattern, or tables in memory as one measurement."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ import numpy as np
 from pydantic import ValidationError
 
 from pliant.config.measurements import MeasurementNotes
-from pliant.config.problems import sentences
+from pliant.config.problems import at_place, sentences
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress
 from pliant.measurements.header import HalfError
-from pliant.measurements.notes import notes_of
+from pliant.measurements.notes import effective_notes
 from pliant.measurements.reading import NEVER_CHANGES, ONE_RUN, read_measurement
 from pliant.records.measurement import MeasuredRun, Measurement
 from pliant.records.remark import Remark
-from pliant.tabular.opening import is_frame
+from pliant_tables.columns import is_frame
 
 PATTERN = re.compile(r"[*?\[]")
 QUANTITY = re.compile(r"[-+]?\d+([.,p]\d+)?(g|kg|mN|N|mNm|Nm|C|degC|K|kPa|mbar|bar|deg)")
-# What names tables: a path, a pattern, a pandas frame, or several of these.
+# Tables to read: a path, a pattern, a pandas frame, or several of these.
 Sources = Any
 
 
@@ -41,19 +41,25 @@ def read_measurements(
 ) -> Measurement:
     """Read tables as one measurement, in their order; one without a column `run` is a run named after its file.
 
-    A file that another one joins (`join` in its notes) gives its columns to that one and is no measurement itself.
+    A file that another one joins (`join` in its notes) adds its columns to that one and is no separate measurement.
 
     Args:
         files: a path, a pattern such as ``runs/*.csv`` (its files in natural order), a pandas frame, or several.
-        notes: what the files do not say of themselves, before the YAML beside each (docs/measurement_files.md).
+        notes: what the files do not contain; they override the YAML next to each (docs/measurement_files.md).
         actuation, expected, progress: as of `read_measurement`.
-        exclude_from_first: the spans of `notes` are of the first file alone.
+        exclude_from_first: the spans of `notes` apply to the first file alone.
 
     Raises:
-        UserError: what cannot be read, or cannot be decided without being asked.
+        UserError: a file that cannot be read, or an ambiguity that only the user can resolve.
     """
-    sources = sources_of(files)
     stated = as_notes(notes)
+    try:
+        sources = expand_sources(files)
+        for source in sources:
+            if not is_frame(source) and not source.exists():
+                raise UserError(f"{source}: the table cannot be read (no such file).")
+    except UserError as error:
+        raise UserError(f"{at_place(stated.at('', 'file'))}{error}") from None
     seen: set[str] = set()
     joined = {path for source in sources if (path := _joined_by(source, stated)) is not None}
     own = [s for s in sources if is_frame(s) or s.resolve() not in joined]
@@ -74,16 +80,18 @@ def read_measurements(
             for number, source in enumerate(own)
         ]
     except HalfError as error:
-        raise _of_two_loggers(own, stated, actuation) or error from None
-    for span in stated.exclude if seen else ():
+        raise _two_loggers_error(own, stated, actuation) or error from None
+    for number, span in enumerate(stated.exclude) if seen else ():
         if span.run not in seen:
             raise UserError(
-                f"'exclude' names run '{span.run}', which is not there{closest(span.run, sorted(seen))}"
+                f"{at_place(stated.at('', 'exclude', number))}'exclude' names run '{span.run}', which is not there"
+                f"{closest(span.run, sorted(seen))}"
             )
     for key, name in sorted(set.intersection(*absent)):
         names = sorted({heading for m in measurements for heading in m.headed.values()})
         raise UserError(
-            f"'{key}' has '{name}', which is not a column of any of the files{closest(name, names)}"
+            f"{at_place(stated.at('', key, name))}'{key}' has '{name}', which is not a column of any of the files"
+            f"{closest(name, names)}"
         )
     found = together(measurements)
     if not exclude_from_first:
@@ -94,18 +102,21 @@ def read_measurements(
 
 
 def _check_runs(measurement: Measurement, stated: MeasurementNotes) -> None:
-    """Raise `UserError` where the notes say something of a run that is not there."""
+    """Raise `UserError` where the notes name a run that does not exist."""
     names = [run.name for run in measurement.runs]
     gone = {span.run for span in stated.exclude if span.whole_run}
     for key, name in [("let_go", one) for one in stated.let_go] + [("runs", one) for one in stated.runs]:
         if name not in gone and not any(run == name or run.startswith(f"{name} cycle ") for run in names):
-            raise UserError(f"'{key}' names run '{name}', which is not there{closest(name, names)}")
+            raise UserError(
+                f"{at_place(stated.at('', key, name))}'{key}' names run '{name}', which is not there"
+                f"{closest(name, names)}"
+            )
 
 
-def _of_two_loggers(
+def _two_loggers_error(
     sources: Sequence[Any], stated: MeasurementNotes, actuation: Sequence[str] | None
 ) -> UserError | None:
-    """The error where one of the files has inputs alone and another readings alone; None where none does."""
+    """Return the error where one file has inputs alone and another readings alone; None otherwise."""
     half: dict[str, Path] = {}
     for source in sources if len(sources) > 1 else ():
         try:
@@ -117,7 +128,7 @@ def _of_two_loggers(
     if len(half) < 2:
         return None
     camera, logger = half["inputs"], half["readings"]
-    _, notes_name = notes_of(camera, None)
+    _, notes_name = effective_notes(camera, None)
     name = os.path.relpath(logger, camera.parent).replace(os.sep, "/")
     return UserError(
         f"{camera} has readings and no input, {logger} inputs and no reading. Where two loggers recorded one run, name "
@@ -127,8 +138,8 @@ def _of_two_loggers(
 
 
 def _said_by_names(files: Sequence[Path]) -> str:
-    """A sentence where the names of several files have a quantity in them that differs, and nobody reads it."""
-    if any(notes_of(file, None)[0].name_pattern for file in files):
+    """Return a sentence if the names of several files contain a quantity that differs and is not read."""
+    if any(effective_notes(file, None)[0].name_pattern for file in files):
         return ""
     said = dict.fromkeys(
         part for file in files for part in re.split(r"[_\s]+", file.stem) if QUANTITY.fullmatch(part)
@@ -141,13 +152,13 @@ def _said_by_names(files: Sequence[Path]) -> str:
     )
 
 
-def sources_of(files: Sources) -> list[Any]:
-    """Paths and frames, patterns replaced by their files; raises `UserError` for a pattern that fits none."""
+def expand_sources(files: Sources) -> list[Any]:
+    """Return paths and frames, patterns expanded to their files; raise `UserError` for a pattern without a match."""
     if is_frame(files):
         return [files]
     if isinstance(files, str | Path):
         return list(_expanded(Path(files)))
-    found = [source for file in files for source in sources_of(file)]
+    found = [source for file in files for source in expand_sources(file)]
     if not found:
         raise UserError("no file is given; name one, or a pattern such as 'runs/*.csv'.")
     return found
@@ -163,12 +174,12 @@ def _expanded(path: Path) -> Iterable[Path]:
 
 
 def natural(name: str) -> list[Any]:
-    """A key that sorts run_2 before run_10."""
+    """Return a key that sorts run_2 before run_10."""
     return [int(part) if part.isdigit() else part.lower() for part in re.split(r"(\d+)", name)]
 
 
 def as_notes(notes: Mapping[str, Any] | MeasurementNotes | None) -> MeasurementNotes:
-    """Notes as they are validated; raises `UserError` for a key that is not one, or a value that cannot be."""
+    """Return validated notes; raise `UserError` for an unknown key or an invalid value."""
     if isinstance(notes, MeasurementNotes):
         return notes
     try:
@@ -180,21 +191,21 @@ def as_notes(notes: Mapping[str, Any] | MeasurementNotes | None) -> MeasurementN
 
 
 def _joined_by(source: Any, stated: MeasurementNotes) -> Path | None:
-    """The file that a file's notes join."""
+    """Return the file that a file's notes join."""
     if is_frame(source):
         return None
-    notes, _ = notes_of(source, stated)
+    notes, _ = effective_notes(source, stated)
     return None if notes.join is None else (source.parent / notes.join.file).resolve()
 
 
 def together(measurements: Sequence[Measurement]) -> Measurement:
-    """All runs in order; outputs that only some files have are missing in the others.
+    """Return all runs in order; outputs that only some files have are missing in the others.
 
-    A specimen that stands in several files goes on from one to the next. A run whose name was taken by an earlier
-    file gets its file's name before its own.
+    A specimen that occurs in several files continues from one to the next. A run whose name is taken by an earlier file
+    gets its file's name as a prefix.
 
     Raises:
-        UserError: files that are the same, or that have different inputs or places of their markers.
+        UserError: files that are the same, or that have different inputs or marker positions.
     """
     if len(measurements) == 1:
         return measurements[0]
@@ -249,23 +260,23 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
 
 
 def _remarks(measurements: Sequence[Measurement]) -> tuple[Remark, ...]:
-    """What is said of the files, once where it is said of several."""
+    """Return the remarks on the files; identical remarks on several files are merged."""
     said: dict[str, list[tuple[Remark, str]]] = {}
     for m in measurements:
         for remark in m.remarks:
             if remark != ONE_RUN and not remark.endswith(NEVER_CHANGES):
-                said.setdefault(remark, []).append((Remark.of(remark), m.source))
-    return tuple(_of_files(same[0][0], [source for _, source in same]) for same in said.values())
+                said.setdefault(remark, []).append((Remark.from_text(remark), m.source))
+    return tuple(_remark_on_files(same[0][0], [source for _, source in same]) for same in said.values())
 
 
-def _of_files(remark: Remark, sources: Sequence[str]) -> Remark:
-    """The remark with the files that it is about."""
+def _remark_on_files(remark: Remark, sources: Sequence[str]) -> Remark:
+    """Return the remark with the files that it concerns."""
     more = len(sources) - 1
     return remark.from_file(f"{sources[0]} and {more} more file{'s' * (more > 1)}" if more else sources[0])
 
 
 def _joined(run: MeasuredRun, outputs: Sequence[str], taken: set[str], stem: str) -> MeasuredRun:
-    """The run with every output, and a name of its own."""
+    """Return the run with every output, and a unique name."""
     missing = np.full(len(run), np.nan)
     name, number = run.name if run.name not in taken else f"{stem} {run.name}", 2
     while name in taken:

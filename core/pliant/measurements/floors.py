@@ -1,4 +1,4 @@
-"""Noise floors: what no model can explain, within a run and between repeats."""
+"""Noise floors: the errors that no model can explain, within a run and between repeats."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from pliant.config.measurements import PER_RUN
-from pliant.measurements.columns import unit_of
-from pliant.measurements.effective import autocorrelation, clock_of
+from pliant.measurements.columns import column_si_unit
+from pliant.measurements.effective import autocorrelation, run_clock
 from pliant.measurements.highpass import noise_variance
 from pliant.measurements.repeats import Aligned, RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
@@ -19,7 +19,7 @@ from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark, detail
 
 Source = Literal["repeats", "stated sigma", "high-frequency residual", "unknown"]
-CLEARLY = 2.0  # standard errors by which repeats must scatter more than the stated sigma to take its place
+CLEARLY = 2.0  # standard errors by which the scatter of repeats must exceed the stated sigma to replace it
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class Floor:
 
     Attributes:
         output, unit: the output and its SI unit.
-        within: noise within a run, each run's own offset taken off; nan where nothing tells it.
+        within: noise within a run, each run's own offset subtracted; nan if it is unknown.
         between: total scatter of single readings between repeats (noise and offset of the run); None without
             repeats.
-        sigma: what the file states (root mean square), or None.
-        value: the floor that errors are compared with; nan where nothing tells it.
+        sigma: the sigma stated in the file (root mean square), or None.
+        value: the floor that errors are compared with; nan if it is unknown.
         source: where `value` comes from.
-        se: standard error of `value`, coloured noise and few repeats counted; 0 for a stated sigma.
+        se: standard error of `value`, which accounts for autocorrelation and few repeats; 0 for a stated sigma.
         n_groups, n_runs: groups of repeats and runs in them that have readings.
-        specimens_differ: repeats were done with different specimens, so that the floor holds their scatter.
+        specimens_differ: repeats were done with different specimens, so that the floor includes their scatter.
     """
 
     output: str
@@ -65,7 +65,7 @@ class _Variance:
 
     @property
     def se(self) -> float:
-        """Standard error of the standard deviation: s / √(2ν)."""
+        """Return the standard error of the standard deviation: s / √(2ν)."""
         return self.sd / math.sqrt(2 * self.dof) if self.dof > 0 else math.nan
 
 
@@ -74,21 +74,21 @@ def noise_floors(
     residuals: Sequence[Mapping[str, Array]] | None = None,
     groups: Sequence[RepeatGroup] | None = None,
 ) -> dict[str, Floor]:
-    """The two floors of every output.
+    """Return the two floors of every output.
 
     Between repeats, readings y_r(t) of R runs scatter about their mean with variance Σ (y_r − ȳ)² / (T (R − 1)).
-    Within a run the same is done after each run's own mean deviation has been taken off, with n_eff − 1 in the
-    place of T − 1 for coloured noise. Both are pooled over groups by their degrees of freedom. Without repeats
-    the noise within a run is that of third differences, which slow noise and offsets do not enter.
+    Within a run the same is done after each run's own mean deviation has been subtracted, with n_eff − 1 in the
+    place of T − 1 for autocorrelated noise. Both are pooled over groups by their degrees of freedom. Without repeats
+    the noise within a run is that of third differences, which exclude slow noise and offsets.
 
     Args:
         measurement: the runs.
-        residuals: for each run (t,) by output, instead of the readings: what a model of the history explains
-            is then not taken for noise.
-        groups: repeats, where they are known already.
+        residuals: for each run (t,) by output, instead of the readings: variation that a model of the history
+            explains is then not counted as noise.
+        groups: repeats, if they are known already.
 
     Returns:
-        by output, in the measurement's order. `value` is the stated sigma where there is one, unless repeats
+        by output, in the measurement's order. `value` is the stated sigma if there is one, unless repeats
         scatter clearly more; else the scatter between repeats; else the noise of third differences.
     """
     groups = repeat_groups(measurement) if groups is None else groups
@@ -100,7 +100,7 @@ def noise_floors(
 
 
 def _own_zeros(measurement: Measurement) -> list[Mapping[str, Array]]:
-    """Return the readings of each run, its mean taken off where the zero of each run is unknown."""
+    """Return the readings of each run, minus its mean if the zero of each run is unknown."""
     free = [name for name, how in measurement.free_zeros.items() if how == PER_RUN]
     tables: list[Mapping[str, Array]] = []
     for run in measurement.runs:
@@ -111,7 +111,7 @@ def _own_zeros(measurement: Measurement) -> list[Mapping[str, Array]]:
 
 
 def floor_remarks(floors: Mapping[str, Floor]) -> tuple[str, ...]:
-    """What the floors leave open, in sentences."""
+    """Return sentences on the limitations of the floors."""
     remarks: list[str] = []
     for source, text in _OPEN.items():
         names = [floor.output for floor in floors.values() if floor.source == source]
@@ -167,7 +167,7 @@ def _floor(
         value, source, se = sigma, "stated sigma", 0.0
     return Floor(
         output=name,
-        unit=unit_of(name),
+        unit=column_si_unit(name),
         within=within.sd,
         between=None if between is None else between.sd,
         sigma=sigma,
@@ -181,7 +181,7 @@ def _floor(
 
 
 def _stated(name: str, measurement: Measurement) -> float | None:
-    """Root mean square of the stated sigmas where something was read."""
+    """Return the root mean square of the stated sigmas where something was read."""
     stated = [
         run.sigma[name][np.isfinite(run.outputs[name])] for run in measurement.runs if name in run.sigma
     ]
@@ -191,11 +191,11 @@ def _stated(name: str, measurement: Measurement) -> float | None:
 
 
 def _fast(measurement: Measurement, readings: Sequence[Array]) -> _Variance:
-    """Noise of third differences, pooled over all runs."""
+    """Return the noise of third differences, pooled over all runs."""
     total = dof = 0.0
     for run, values in zip(measurement.runs, readings, strict=True):
         there = np.isfinite(values)
-        clock = clock_of(run)
+        clock = run_clock(run)
         variance, freedom = noise_variance(clock[there], values[there])
         if freedom > 0:
             total, dof = total + variance * freedom, dof + freedom
@@ -203,10 +203,10 @@ def _fast(measurement: Measurement, readings: Sequence[Array]) -> _Variance:
 
 
 def _pooled(tables: Sequence[Aligned]) -> tuple[_Variance, _Variance]:
-    """Variance within runs and total variance between repeats, with effective degrees of freedom.
+    """Return variance within runs and total variance between repeats, with effective degrees of freedom.
 
-    The total is that of run means (R − 1 degrees of freedom per group) plus that within; its degrees of freedom
-    follow Satterthwaite (1946).
+    The total is that of run means (R − 1 degrees of freedom per group) plus that within; its degrees of freedom follow
+    Satterthwaite (1946).
     """
     squares = freedom = effective = offsets = offset_freedom = 0.0
     for table in tables:
@@ -216,7 +216,7 @@ def _pooled(tables: Sequence[Aligned]) -> tuple[_Variance, _Variance]:
         wander = deviation - offset
         colour = autocorrelation([np.arange(n_times, dtype=float)] * n_runs, list(wander))
         independent = max(n_times / max(colour.time_scale, 1.0), 2.0)
-        share = n_times * (1.0 - 1.0 / independent)  # Σ of squares expects σ² times this, per free run
+        share = n_times * (1.0 - 1.0 / independent)  # expected Σ of squares per free run, in σ²
         squares += float((wander**2).sum()) + table.lost * (n_runs - 1) * share
         freedom += (n_runs - 1) * share
         effective += (n_runs - 1) * max(n_times / max(colour.square_scale, 1.0) - 1.0, 1.0)
@@ -224,7 +224,7 @@ def _pooled(tables: Sequence[Aligned]) -> tuple[_Variance, _Variance]:
         offset_freedom += n_runs - 1
     within = _Variance(squares / freedom, effective)
     mean_square = offsets / offset_freedom
-    # the offset's square holds the mean of the noise, which `squares / freedom` holds again
+    # the offset's square includes the mean of the noise, which `squares / freedom` also includes
     wander_square = (
         within.value * freedom / sum((len(table.values) - 1) * table.values.shape[1] for table in tables)
     )

@@ -1,4 +1,4 @@
-"""Rows of a measurement sorted into runs while they stream by; long runs are thinned, never averaged."""
+"""Streaming of measurement rows into runs; long runs are downsampled, never averaged."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.formatting import plural
-from pliant.measurements.clock import Disorder
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
-from pliant.tabular.cells import Cells, Problems, lines_text
-from pliant.tabular.schema import FileColumn
+from pliant_tables.cells import Cells, Problems, lines_text
+from pliant_tables.clock import Disorder
+from pliant_tables.schema import FileColumn
 
 MOST_RUNS = 10_000
 DEFAULTS = {
@@ -25,7 +25,7 @@ DEFAULTS = {
 
 @dataclass
 class Blanks:
-    """Rows of one column that are blank: the first lines, and how many of each run."""
+    """Blank rows of one column: the first lines, and their count in each run."""
 
     lines: list[int] = field(default_factory=list)
     of_run: dict[int, int] = field(default_factory=dict)
@@ -41,9 +41,9 @@ class Blanks:
 
 @dataclass
 class RunRows:
-    """Rows of one run that are kept: every `stride`-th of the `count` that were usable; a row ends with its line.
+    """Rows of one run that are kept: every `stride`-th of the `count` usable ones; a row ends with its line.
 
-    `part` counts from 1 where a clock that begins again begins a new run; 0 elsewhere.
+    `part` counts from 1 if a restarting clock begins a new run; otherwise 0.
     """
 
     name: str
@@ -74,20 +74,27 @@ class RunRows:
 class Gatherer:
     """Sorts blocks of rows into runs, checks each run's clock, and keeps at most `most` rows.
 
-    A run keeps every 2^k-th row, with k from its own length and one limit for all runs, so that runs of equal
-    length stay alike.
+    A run keeps every 2^k-th row, with k from its own length and one limit for all runs, so that runs of equal length
+    remain alike.
 
     Attributes:
         runs: in the order of their first rows.
-        blanks: what is missing, by column name; rows without time or input are left out at once.
-        doubles: rows that repeat the row before to the last digit; they are left out.
-        split_runs: runs whose rows do not stand together, with the line where each goes on.
-        sorted_runs: runs whose rows were put in the order of time, with the first line that was out of it.
+        blanks: missing values, by column name; rows without time or input are left out at once.
+        doubles: rows that are identical to the row before; they are left out.
+        split_runs: runs whose rows are not contiguous, with the line where each continues.
+        named_by: the line of the notes by which a column that is not read would name the runs.
+        sorted_runs: runs whose rows were sorted by time, with the first line that was out of order.
     """
 
     def __init__(
-        self, columns: Sequence[FileColumn], problems: Problems, most: int, restarts: bool = False
+        self,
+        columns: Sequence[FileColumn],
+        problems: Problems,
+        most: int,
+        restarts: bool = False,
+        named_by: str = "",
     ) -> None:
+        self.named_by = named_by
         self.restarts = restarts
         self.sorted_runs: dict[str, int] = {}
         self.columns, self.problems, self.most, self.limit = tuple(columns), problems, most, most
@@ -104,13 +111,13 @@ class Gatherer:
         self._noted = [i for i, role in enumerate(roles) if role in ("condition", "cycle")]
 
     def add(self, table: Array, lines: Array, runs: Cells, specimens: Cells | None) -> None:
-        """One block of rows.
+        """Add one block of rows.
 
         Args:
             table: (n, columns) numbers as written.
             lines: (n,) their lines.
             runs: the run of each row.
-            specimens: the specimen of each row, where there is such a column.
+            specimens: the specimen of each row, if there is such a column.
         """
         ids = self._run_ids(runs, lines)
         bodies = None if specimens is None else np.array([text.strip() for text in specimens], object)
@@ -118,10 +125,10 @@ class Gatherer:
         order = np.argsort(ids, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(ids[order])) + 1):
             run = int(ids[rows[0]])
-            if run >= 0:  # the others have no name and were told
+            if run >= 0:  # the others have no name and were reported
                 if bodies is not None:
                     self._specimen(self.runs[run], bodies[rows], lines[rows])
-                self._of_run(run, table[rows])
+                self._append_run(run, table[rows])
         while True:
             for one in self.runs:
                 while one.kept > self.limit:
@@ -170,7 +177,7 @@ class Gatherer:
                     "one specimen",
                 )
 
-    def _of_run(self, run: int, table: Array) -> None:
+    def _append_run(self, run: int, table: Array) -> None:
         self._note_blanks(run, table, self._needed)
         table = table[~np.isnan(table[:, self._needed]).any(axis=1)]
         for part in self._parts(run, table):
@@ -188,7 +195,7 @@ class Gatherer:
                 self.blanks.setdefault(self.columns[i].name, Blanks()).add(table[missing, -1], run)
 
     def _parts(self, run: int, table: Array) -> Iterator[Array]:
-        """The table, cut where the clock begins again if that begins a new run."""
+        """Yield the table, divided where the clock restarts if a restart begins a new run."""
         if not self.restarts or self._time is None or not len(table):
             yield table
             return
@@ -212,7 +219,7 @@ class Gatherer:
         self.runs.append(RunRows(old.name, old.specimen, old.part + 1))
 
     def _without_doubles(self, run: int, table: Array, time: int) -> Array:
-        """The rows without exact doubles; a clock that stands or goes back is noted."""
+        """Return the rows without exact duplicates; a clock that repeats or goes back is noted."""
         rows = self.runs[run]
         last = rows.last
         previous = np.concatenate([table[:1] if last is None else last[None, :], table[:-1]])
@@ -234,7 +241,7 @@ class Gatherer:
         return table
 
     def finish(self) -> None:
-        """Put rows in the order of time where that is surely meant; what cannot be decided becomes a problem."""
+        """Sort rows by time where that is safe; undecidable cases become problems."""
         for number, run in enumerate(self.runs):
             found = run.disorder
             if found is None or self._time is None:
@@ -247,12 +254,12 @@ class Gatherer:
                     self.sorted_runs[run.name] = found.line
                     continue
             for line, text in found.sentences(
-                run.name, self.split_runs.get(number), self.problems.notes_name
+                run.name, self.split_runs.get(number), self.problems.notes_name, self.named_by
             ):
                 self.problems.add(line, text)
 
     def named(self) -> list[RunRows]:
-        """The runs in the order of their first rows; those that a clock has cut are numbered: "a 1", "a 2"."""
+        """Return the runs in the order of their first rows; parts by a restarting clock are numbered: "a 1", "a 2"."""
         for run in self.runs:
             if run.part:
                 run.name = f"{run.name} {run.part}"
@@ -261,7 +268,7 @@ class Gatherer:
         return sorted(self.runs, key=lambda run: run.parts[0][0, -1] if run.kept else np.inf)
 
     def no_rows(self) -> str:
-        """Why no row can be used."""
+        """Return why no row can be used."""
         if not self.blanks:
             return "the file has a header and no rows."
         name, blanks = max(self.blanks.items(), key=lambda item: item[1].count)
@@ -269,7 +276,7 @@ class Gatherer:
         return f"no row can be used; {name} is blank in {blanks.count} of them ({where})."
 
     def remarks(self, blank_rows: int) -> list[str]:
-        """What was done to rows while reading."""
+        """Return remarks on the changes to rows while reading."""
         remarks = []
         for i in self._needed:
             name = self.columns[i].name
@@ -303,7 +310,7 @@ class Gatherer:
         return remarks
 
     def order_remarks(self) -> list[str]:
-        """Runs whose rows were sorted, in a sentence."""
+        """Return a sentence on runs whose rows were sorted."""
         if not self.sorted_runs:
             return []
         runs = ", ".join(f"'{name}'" for name in list(self.sorted_runs)[:5])
@@ -314,7 +321,7 @@ class Gatherer:
         ]
 
     def condition_remarks(self) -> list[str]:
-        """Blank loads and conditions: the default where a run has none at all, else rows that are left out."""
+        """Return remarks on blank loads and conditions: the default for a run without any value, else rows left out."""
         remarks = []
         for i in self._noted:
             name, role = self.columns[i].name, self.columns[i].role

@@ -1,44 +1,50 @@
-"""The header of a measurement file: which of its columns are read, what is lacking, and the lines that mend it."""
+"""The header of a measurement file: the columns that are read, those that are missing, and the lines that fix it."""
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, unit_of
+from pliant.measurements.columns import EXAMPLES, match, single_column_remarks
 from pliant.measurements.plausible import as_key
+from pliant.measurements.proposing import (
+    DRIVES,
+    READ,
+    TRAVEL,
+    block_to_paste,
+    closest_column,
+    runs_named,
+)
 from pliant.records.remark import detail
-from pliant.tabular.names import bare, is_counter, lines_to_write, meanings, motor_of_steps, proposed
-from pliant.tabular.schema import FRAMES, FileColumn
-from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import stem, unit_at_the_end
+from pliant_tables.names import bare, meanings
+from pliant_tables.proposals import lines_to_write
+from pliant_tables.schema import FRAMES, FileColumn, noted
+from pliant_tables.sheet import Sheet
+from pliant_tables.side_by_side import check_side_by_side
+from pliant_tables.testers import tester_columns
+from pliant_tables.units import stem
 
-# What a file may lack: one that drives, one that is read; the first is proposed where nothing else speaks for any.
-DRIVES = ("pressure_pa", "tendon_force_n", "tendon_travel_m")
-HELD = ("held_angle_rad", "held_elongation_strain")  # imposed: then no supply is needed
-READ = ("angle_rad", "elongation_strain", "extension_m", "tip_x_m", "tip_y_m", "tip_z_m")
-TRAVEL = "tendon_travel"
+HELD = ("held_angle_rad", "held_elongation_strain")  # prescribed: then no supply is needed
 TWIST = re.compile(r"curvature[ _]x\b.*|curvature[ _]x_.*", re.IGNORECASE)
-STEP = "1 mm  # <- what one step pulls in: the file does not say"
-ANOTHER = "another.csv"  # stands for a file that has not been named
+ANOTHER = "another.csv"  # placeholder for a file that has not been named
 
 
 @dataclass(frozen=True)
 class Header:
-    """Columns of the file that are read.
+    """The columns of the file that are read.
 
     Attributes:
         columns: the numbers among them.
         places: index in the file of each column, by its written name.
-        texts: index in the file of `run` and `specimen`, where it has them.
+        texts: index in the file of `run` and `specimen`, if it has them.
         remarks: what was ignored or converted, in sentences.
-        given: numbers that do not stand in the file, after `columns`: of its name, or of another logger.
+        given: numbers from outside the file, after `columns`: of its name, or of another logger.
+        may_be: columns that are not read and may name runs or specimens, by their names: Pliant's name of each.
     """
 
     columns: tuple[FileColumn, ...]
@@ -46,14 +52,15 @@ class Header:
     texts: dict[str, int]
     remarks: tuple[str, ...]
     given: tuple[FileColumn, ...] = ()
+    may_be: Mapping[str, str] = field(default_factory=dict)
 
     def names(self, *roles: str) -> list[str]:
-        """Pliant's names of the columns in some roles."""
+        """Return Pliant's names of the columns in some roles."""
         return [column.name for column in self.every if column.role in roles]
 
     @property
     def every(self) -> tuple[FileColumn, ...]:
-        """All columns of numbers."""
+        """Return all columns of numbers."""
         return (*self.columns, *self.given)
 
 
@@ -72,27 +79,35 @@ def read_header(
         notes: renames and units.
         notes_name: where a user would write notes, for messages.
         actuation: names of the chain's inputs; all inputs of the file where None.
-        given: columns that do not stand in the file.
-        elsewhere: takes what the notes say of columns that the file does not have: others may.
+        given: columns from outside the file.
+        elsewhere: collects the notes on columns that the file does not have: others may have them.
 
     Raises `UserError` where an input is missing, nothing is measured, or two columns mean the same.
     """
     path, written = sheet.path, sheet.header
     found = match(sheet, notes, notes_name, frozenset(actuation or ()), elsewhere)
-    _check_twist(path, [name for name in written if name not in notes.rename], notes_name)
+    _check_twist(path, [name for name in written if not _renamed(notes, name)], notes_name)
     if actuation is None:
         found, driven = _driven_by_travel(found, given)
     else:
         driven = []
     read = {column.written for column in found.values()}
     unknown = [name for name in written if name and name not in read]
+    clock = found["time_s"].written if "time_s" in found else ""
+    if unknown and not (clock and _renamed(notes, clock)):
+        check_side_by_side(sheet.path, clock, unknown)
     if "time_s" not in found:
-        _check_clock(path, unknown, notes, notes_name, {column.role for column in found.values()})
-    remarks = [*driven, *_unknown_remarks(unknown, notes, notes_name)]
+        _check_clock(sheet, unknown, notes, notes_name, {column.role for column in found.values()})
+    runs_known = "run" in {*found, *(c.name for c in given)}
+    may_be = {} if runs_known or not unknown else runs_named(sheet, unknown)
+    remarks = list(driven)
+    if unknown:
+        remarks += single_column_remarks(found.values(), unknown)
+        remarks += _unknown_remarks(unknown, notes, notes_name, may_be, set(found))
     if "" in written:
         remarks.append(detail("A column without a name is ignored."))
     numeric = [column for column in found.values() if column.role != "text"]
-    _check_needed(path, [*numeric, *given], unknown, notes_name, actuation)
+    _check_needed(sheet, [*numeric, *given], unknown, notes_name, actuation)
     outputs = [column.name for column in numeric if column.role == "output"]
     used = []
     for column in numeric:
@@ -123,11 +138,11 @@ def read_header(
         name: places[found[name].written] for name in ("run", "specimen") if name in found
     }
     numbers = tuple(column for column in given if column.role != "text")
-    return Header(tuple(used), places, texts, tuple(remarks), numbers)
+    return Header(tuple(used), places, texts, tuple(remarks), numbers, may_be)
 
 
 class HalfError(UserError):
-    """A file of one logger only; `lacks` is what another one may have recorded."""
+    """An error of a file of one logger only; `lacks` is what another one may have recorded."""
 
     def __init__(self, text: str, lacks: Literal["inputs", "readings"] = "inputs") -> None:
         super().__init__(text)
@@ -137,7 +152,7 @@ class HalfError(UserError):
 def _driven_by_travel(
     found: dict[str, FileColumn], given: Sequence[FileColumn]
 ) -> tuple[dict[str, FileColumn], list[str]]:
-    """Take tendons' travels as the inputs of a file that has no other input and other readings; say so."""
+    """Take tendons' travels as the inputs of a file that has no other input and other readings, with a remark."""
     columns = [*found.values(), *given]
     travels = [name for name in found if name.startswith(TRAVEL)]
     others = any(c.role == "output" and not c.name.startswith(TRAVEL) for c in columns)
@@ -151,7 +166,7 @@ def _driven_by_travel(
 
 
 def _check_twist(path: Path, written: Sequence[str], notes_name: str) -> None:
-    """Raise `UserError` for a curvature about x, which in Pliant's frame is a twist: axes have to be said."""
+    """Raise `UserError` for a curvature about x, which in Pliant's frame is a twist: axes have to be stated."""
     for name in written:
         if TWIST.fullmatch(name):
             other = re.sub(r"(?i)(curvature[ _])x", r"\1y", name)
@@ -167,23 +182,23 @@ def _check_twist(path: Path, written: Sequence[str], notes_name: str) -> None:
 
 
 def _check_clock(
-    path: Path, unknown: Sequence[str], notes: MeasurementNotes, notes_name: str, roles: Container[str]
+    sheet: Sheet, unknown: Sequence[str], notes: MeasurementNotes, notes_name: str, roles: Container[str]
 ) -> None:
-    """Raise `UserError` where a column is called as a clock and cannot be read as one: its absence would mean much."""
+    """Raise `UserError` for a column named as a clock that cannot be read as one: without it the model differs."""
     for name in unknown:
-        if "time" in meanings(bare(name)) and name not in notes.rename:
+        if "time" in meanings(bare(name)) and not _renamed(notes, name):
             inputs, outputs = () if "input" in roles else DRIVES, () if "output" in roles else READ
             raise UserError(
-                f"{path}: column '{name}' is called as a clock and does not say its unit; without it the rows would "
-                f"be states reached slowly.{_lines(path, notes_name, unknown, inputs, outputs)}"
+                f"{sheet.path}: column '{name}' is called as a clock and does not say its unit; without it the rows "
+                f"would be states reached slowly.{block_to_paste(sheet, notes_name, unknown, inputs, outputs)}"
             )
 
 
 def _converted(column: FileColumn, notes: MeasurementNotes) -> str:
-    """What was done to a column's numbers, in a sentence; empty where it is read as it stands."""
+    """Return a sentence on the conversion of a column's numbers; empty if they are unchanged."""
     about = f"Column '{column.written}'"
     if column.in_unit == FRAMES:
-        return f"{about} numbers pictures: time_s = value / {1 / column.scale:g} Hz."
+        return f"{about} holds numbers of pictures: time_s = value / {1 / column.scale:g} Hz."
     if column.stamped:
         return f"{about} holds dates or times of day: time_s counts from the first."
     zero = f" Its zero, {column.zero:g} {column.unit}, was subtracted." if column.zero else ""
@@ -191,36 +206,32 @@ def _converted(column: FileColumn, notes: MeasurementNotes) -> str:
     if (column.scale, shift) != (1.0, 0.0):
         added = f" + {shift:g}" if shift else ""
         return f"{about} was converted: {column.name} = {column.scale:.6g} × value{added}.{zero}"
-    if column.written != column.name and column.written not in notes.rename:
+    if column.written != column.name and not _renamed(notes, column.written):
         return f"{about} is read as {column.name}.{zero}"
     return f"{about}:{zero}" if zero else ""
 
 
-def _closest(name: str) -> str:
-    """The known column that a name resembles, or an empty text: ``angel_deg`` → angle_deg."""
-    near = closest(name.lower(), EXAMPLES)
-    stems = [example.rpartition("_")[0] or example for example in EXAMPLES]
-    of_stem = difflib.get_close_matches(bare(name).lower(), stems, n=1, cutoff=0.7)
-    ending = name[len(bare(name)) :]
-    if (
-        of_stem
-        and unit_at_the_end(name)
-        and MEASUREMENT.column_of(of_stem[0] + ending, of_stem[0] + ending, None, frozenset())
-    ):
-        return of_stem[0] + ending
-    return "" if near == "." else near.split("'")[1]
+def _renamed(notes: MeasurementNotes, name: str) -> bool:
+    """Return whether the notes rename a column, named with or without its unit."""
+    return noted(notes.rename, name, stem(name)) is not None
 
 
-def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name: str) -> list[str]:
+def _unknown_remarks(
+    unknown: Sequence[str], notes: MeasurementNotes, notes_name: str, may_be: Container[str], taken: set[str]
+) -> list[str]:
+    """Return remarks on unknown columns; a name that is already read or proposed is not proposed again."""
     remarks: list[str] = []
     plain = []
     for name in unknown:
-        if name in notes.rename:
+        if (meant := noted(notes.rename, name, stem(name))) is not None:
+            key = name if name in notes.rename else stem(name)
             raise UserError(
-                f"{notes_name}: 'rename' gives '{name}' the name '{notes.rename[name]}', which is not a column of a "
-                f"measurement{closest(notes.rename[name], EXAMPLES)}"
+                f"{notes.at(notes_name, 'rename', key)}: 'rename' gives '{key}' the name '{meant}', which is not a "
+                f"column of a measurement{closest(meant, EXAMPLES)}"
             )
-        if meant := _closest(name):
+        meant = closest_column(name) if name not in may_be else ""
+        if meant and not {meant, re.sub(r"_\d+", "", meant)} & taken:
+            taken.add(meant)
             remarks.append(
                 f"Column '{name}' is not known and is ignored; did you mean {meant}? Then write "
                 f"'rename: {{{name}: {meant}}}' in {notes_name}."
@@ -235,29 +246,40 @@ def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name
 
 
 def _check_needed(
-    path: Path,
+    sheet: Sheet,
     columns: Sequence[FileColumn],
     unknown: Sequence[str],
     notes_name: str,
     actuation: Sequence[str] | None,
 ) -> None:
-    roles = {column.role for column in columns}
+    path, roles = sheet.path, {column.role for column in columns}
     have = [column.name for column in columns if column.role == "input"]
+    wanted = [name for name in actuation or () if name not in have and not set(have) & set(HELD)]
+    inputs = wanted or (() if have else DRIVES)
+    outputs = () if "output" in roles else READ
+    if not inputs and not outputs:
+        return
+    loads, extensions = ([], []) if have else tester_columns(sheet.header)
+    if loads and extensions and not set(loads) & {c.written for c in columns}:
+        raise UserError(
+            f"{path}: '{loads[0]}' and '{extensions[0]}' are what a tensile tester exports, and nothing drives a "
+            "chain; a test of the rubber is read by `pliant calibrate`. For a module in a tester say by 'rename' which "
+            "columns are tendon_force_n, held_elongation_strain or blocked_force_n."
+        )
     if "count" in roles and "output" not in roles:
         raise UserError(
             f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
             "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
         )
-    wanted = [name for name in actuation or () if name not in have and not set(have) & set(HELD)]
-    inputs = wanted or (() if have else DRIVES)
-    outputs = () if "output" in roles else READ
     listed = ", ".join(unknown[:20])
+    above = sheet.header_line > 1
+    elsewhere = f", 'header: …' that another line than {sheet.header_line} names them" if above else ""
     of_the_file = (
-        f". Columns that are not known: {listed}; 'rename' in {notes_name} says what they are."
+        f". Columns that are not known: {listed}; 'rename' in {notes_name} says what they are{elsewhere}."
         if unknown
         else "."
     )
-    paste = _lines(path, notes_name, unknown, inputs, outputs)
+    paste = block_to_paste(sheet, notes_name, unknown, inputs, outputs)
     for name in wanted[:1]:
         others = [*have, *unknown]
         listing = f"it has {', '.join(others)}" if others else "it has no input at all"
@@ -289,25 +311,3 @@ def _check_needed(
             f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}",
             "readings",
         )
-
-
-def _lines(
-    path: Path, notes_name: str, unknown: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
-) -> str:
-    """The block to paste: what names and units speak for, else the first unknown column as what is lacking."""
-    columns = ["time_s", *inputs, *outputs]
-    rename, units = proposed(unknown, {name: unit_of(name) for name in columns})
-    for name, meant in rename.items():
-        if near := _closest(name):
-            rename[name] = near if bare(name).lower() != stem(name).lower() or near == meant else meant
-    units = {name: unit for name, unit in units.items() if rename[name] in columns}
-    lacking = [group[0] for group in (inputs, outputs) if group and not set(group) & set(rename.values())]
-    if any(name in DRIVES or name.startswith(TRAVEL) for name in inputs):  # steps of motors pull tendons in
-        motors = {name: number for name in unknown if (number := motor_of_steps(name)) is not None}
-        for name, number in motors.items():
-            rename[name] = f"{TRAVEL}_{number}_m" if number else f"{TRAVEL}_m"
-            units[name] = STEP
-        lacking = [one for one in lacking if not motors or one not in inputs]
-    free = [name for name in unknown if name not in rename and not is_counter(name)]
-    rename |= dict(zip(free, [name for name in lacking if name not in rename.values()], strict=False))
-    return lines_to_write(path, notes_name, rename, units)

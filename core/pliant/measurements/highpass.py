@@ -1,4 +1,4 @@
-"""White noise of a recording, from differences that no smooth signal survives."""
+"""White noise of a recording, from third differences, which vanish for smooth signals."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import numpy as np
 from pliant.records.design import Array
 
 FEWEST = 8  # readings
-OUTLIER = 4.0  # differences beyond so many robust sigmas are steps of the signal, not noise
+OUTLIER = 4.0  # differences beyond this number of robust sigmas are steps of the signal, not noise
 CORRELATION = 2.3125  # 1 + 2 Σ ρ² of third differences of white noise, ρ = −15/20, 6/20, −1/20
 
 
 def noise_variance(clock: Array, values: Array) -> tuple[float, float]:
-    """Variance of the noise between neighbouring readings, and its degrees of freedom.
+    """Return the variance of the noise between neighbouring readings, and its degrees of freedom.
 
-    Third divided differences at unequal times, scaled to unit variance for white noise: they are blind to
-    signals that are parabolas over four readings (Gasser, Sroka and Jennen-Steinmetz 1986, "Residual variance
-    and residual pattern in nonlinear regression", with second differences), and to slow noise. Differences
-    beyond four robust sigmas belong to steps of the signal and are left out.
+    Third divided differences at unequal times, scaled to unit variance for white noise, vanish for signals that are
+    parabolas over four readings (Gasser, Sroka and Jennen-Steinmetz 1986, "Residual variance and residual pattern in
+    nonlinear regression", with second differences), and exclude slow noise. Differences beyond four robust sigmas are
+    steps of the signal and are left out.
 
     Args:
         clock: (t,) increasing.

@@ -1,4 +1,4 @@
-"""Wrong units noticed: a column that is a thousand times too small or too large for what it says it is."""
+"""Detection of wrong units: columns a thousand times too small or too large for their stated unit."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import math
 import re
 from collections.abc import Mapping
 
+import numpy as np
+
+from pliant.records.design import Array
 from pliant.records.measurement import Doubt
 from pliant.records.remark import Rank, Remark
-from pliant.tabular.schema import FileColumn
-from pliant.tabular.units import conversion
+from pliant_tables.schema import FileColumn
+from pliant_tables.units import conversion
 
-# Units that people record in, by SI unit.
+# Units in common use, by SI unit.
 WRITTEN = {
     "Pa": ("kPa", "MPa", "bar", "mbar"),
     "rad": ("deg", "mrad"),
@@ -22,7 +25,7 @@ WRITTEN = {
     "s": ("ms", "us"),
     "dimensionless": ("percent",),
 }
-# Largest magnitudes that soft robots on a bench reach; below the first or above the second is a wrong unit.
+# Largest magnitudes of soft robots in the laboratory; below the first or above the second is a wrong unit.
 USUAL = {
     "Pa": (300.0, 1e7),
     "rad": (0.0, 4 * math.pi),
@@ -32,29 +35,33 @@ USUAL = {
     "kg": (0.0, 30.0),
     "dimensionless": (0.0, 5.0),
 }
-# What they usually reach, to tell which unit was meant.
+# Typical magnitudes, to infer which unit was meant.
 TYPICAL = {"Pa": 3e4, "rad": 0.5, "m": 0.05, "N": 1.0, "N*m": 0.05, "kg": 0.03, "dimensionless": 0.2}
 TO_CHECK = "Unit to check"
 HOT_C = 200.0
+# Steps per second of clocks that count from 1970, and the seconds since then in 2001 and 2065.
+SINCE_1970, EPOCH_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}, (1e9, 3e9)
 LONGEST_STEP_S = 8.0
-LEAST, FEW = 0.2, 1.6  # largest angles in degrees between which an actuator's were hardly written in degrees
+LEAST, FEW = 0.2, 1.6  # largest angles between which an actuator's were hardly written in degrees
+# A size's distance from the usual one, and the second unit's from the first, as logarithms of ratios.
+FAR, CLEAR = math.log(5.0), math.log(2.0)
 # How far beyond the caller's range a column may reach, as a factor.
 BEYOND = {"rad": 15.0, "dimensionless": 50.0}
 BEYOND_OTHERWISE = 100.0
 
 
-def out_of_range(
+def implausible_columns(
     largest: Mapping[str, float],
     expected: Mapping[str, tuple[float, float]],
     notes: str,
     columns: Mapping[str, FileColumn],
 ) -> list[Doubt]:
-    """A doubt for each column whose largest magnitude does not fit its unit.
+    """Return a doubt for each column whose largest magnitude does not fit its unit.
 
     Args:
         largest: the largest magnitude of each column in SI; the unit is in its name.
-        expected: the range that the caller knows of some: a law's domain, the chain's length. Without it the usual
-            range of benches decides, which is wide. Columns that have the same range share a unit.
+        expected: the range that the caller knows for some: a law's domain, the chain's length. Without it a wide range
+            of usual values decides. Columns with the same range share a unit.
         notes: name of the YAML file to write the unit into.
         columns: those of the file, by Pliant's name; others are not judged.
     """
@@ -85,7 +92,7 @@ def _sentence(
         beyond = BEYOND.get(unit, BEYOND_OTHERWISE)
         if reference / BEYOND_OTHERWISE <= largest <= reference * beyond:
             return ""
-        # a position or a load may well be small; an actuation far below its law's domain may not
+        # a position or a load may be small; an actuation far below its law's domain may not
         if largest < reference and unit != "Pa" and not name.startswith("tendon_force"):
             return ""
         ratio = largest / reference
@@ -114,8 +121,32 @@ def _sentence(
     return _advice(text, column, nearest if nearest and distance(nearest) < as_written else "", notes)
 
 
+def likely_unit(unit: str, largest: float) -> str:
+    """Return the unit in which a magnitude is typical; "" where no unit, or more than one, fits."""
+    if unit not in TYPICAL or not largest > 0:
+        return ""
+
+    def distance(written: str) -> float:
+        return abs(math.log(conversion(written, unit, "")[0] * largest / TYPICAL[unit]))
+
+    first, second = sorted((unit, *WRITTEN[unit]), key=distance)[:2]
+    return first if distance(first) < FAR and distance(second) - distance(first) > CLEAR else ""
+
+
+def epoch_unit(times: Array) -> str:
+    """Return the unit in which a clock counts from 1970, as of computers and ROS; "" for other clocks."""
+    seen = times[np.isfinite(times)]
+    if not len(seen):
+        return ""
+    low, high = float(seen.min()), float(seen.max())
+    return next(
+        (unit for unit, per_s in SINCE_1970.items() if EPOCH_S[0] < low / per_s < high / per_s < EPOCH_S[1]),
+        "",
+    )
+
+
 def _radians(column: FileColumn, largest: float, reference: float) -> bool:
-    """Whether an angle in degrees is so small that it can only be meant in radians."""
+    """Return whether an angle in degrees is so small that it can only be meant in radians."""
     raw = largest / column.scale
     if column.role != "output" or column.unit != "rad" or abs(column.scale - math.radians(1)) > 1e-12:
         return False
@@ -125,7 +156,7 @@ def _radians(column: FileColumn, largest: float, reference: float) -> bool:
 
 
 def time_doubts(step_s: float, whole: bool, notes: str, clock: FileColumn) -> list[Doubt]:
-    """One doubt where the usual step of the clock is no time in seconds: whole numbers, far apart."""
+    """Return a doubt if the usual step of the clock is implausible in seconds: whole numbers, far apart."""
     if step_s < LONGEST_STEP_S or not whole:
         return []
     text = f"{clock.written} steps by {step_s:g}, in whole numbers"
@@ -133,7 +164,7 @@ def time_doubts(step_s: float, whole: bool, notes: str, clock: FileColumn) -> li
 
 
 def as_remark(doubt: Doubt) -> Remark:
-    """A doubt's sentence among the remarks."""
+    """Return a doubt's sentence as a remark."""
     if doubt.kind == "unit":
         return Remark(f"{TO_CHECK}: {doubt.sentence}", Rank.UNIT)
     return Remark(doubt.sentence, Rank.UNIT if doubt.kind == "beginning" else Rank.DATA)
@@ -151,5 +182,5 @@ def _advice(text: str, column: FileColumn, written: str, notes: str) -> str:
 
 
 def as_key(written: str) -> str:
-    """A column's name as a key of YAML."""
+    """Return a column's name as a key of YAML."""
     return written if re.fullmatch(r"\w[\w.]*", written) else f'"{written}"'

@@ -1,4 +1,4 @@
-"""Read what a bench recorded: CSV and notes in, runs with their inputs and readings out, and remarks on them."""
+"""Reader of measurements: from CSV and notes to runs with their inputs, readings, and remarks."""
 
 from __future__ import annotations
 
@@ -22,36 +22,38 @@ from pliant.config.measurements import (
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
-from pliant.measurements.columns import MEASUREMENT, match, outputs_among, unit_of
+from pliant.measurements.columns import MEASUREMENT, column_si_unit, match, outputs_among, with_frames
 from pliant.measurements.doubts import sensor_doubts
-from pliant.measurements.elsewhere import Elsewhere, elsewhere
+from pliant.measurements.elsewhere import Elsewhere, external_columns
 from pliant.measurements.gathering import Gatherer, RunRows
 from pliant.measurements.header import Header, read_header
 from pliant.measurements.highpass import noise_variance
-from pliant.measurements.notes import digest_of, notes_on
-from pliant.measurements.plausible import as_remark, out_of_range, time_doubts
+from pliant.measurements.notes import file_digest, notes_on
+from pliant.measurements.plausible import as_remark, implausible_columns, time_doubts
+from pliant.measurements.proposing import rate_doubts, rename_line, run_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History, LetGo
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
 from pliant.records.remark import detail
-from pliant.tabular.cells import lines_text
-from pliant.tabular.opening import FRAME, is_frame, open_sheet
-from pliant.tabular.schema import FileColumn, noted
-from pliant.tabular.sheet import Sheet
-from pliant.tabular.units import stem, value_of
 from pliant.units import UnitError, parse_quantity
+from pliant_tables.cells import lines_text
+from pliant_tables.columns import is_frame
+from pliant_tables.opening import FRAME, open_sheet
+from pliant_tables.schema import FileColumn, noted
+from pliant_tables.sheet import Sheet
+from pliant_tables.units import parse_si_value, stem
 
-LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
-# A cycle has been above the first share of a run's own range and comes below the second.
+LARGE_FILE = 20_000_000  # bytes: from this size on reading shows its progress
+# A cycle rises above the first share of a run's own range and returns below the second.
 LOADED, RETURNED = 0.6, 0.25
 SMALLER = 0.5  # of the largest range of its unit: an input may idle
 SMALLEST = 0.1  # of the range of all runs: less than that is no cycle
-NOISE_RANGE = 9.0  # standard deviations of its noise within which an idle gauge stays
-ENOUGH = 50  # samples that tell the noise of an input from its signal
-VALLEY = 5.0  # standard deviations of noise above the lowest sample of a valley that are still its floor
-AT_REST = 0.05  # of the range above the lowest point: still waiting
+NOISE_RANGE = 9.0  # range of an idle gauge in standard deviations of its noise
+ENOUGH = 50  # samples needed to separate the noise of an input from its signal
+VALLEY = 5.0  # standard deviations of noise above a valley's lowest sample that belong to its floor
+AT_REST = 0.05  # of the range above the lowest point: still at rest
 Levels = tuple[str, float, float]
-# Remarks on a file by itself, which files that are read together do not deserve.
+# Remarks on a single file, which are dropped for files that are read together.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
 NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
 
@@ -68,34 +70,36 @@ def read_measurement(
 ) -> Measurement:
     """Read a measurement (docs/measurement_files.md) and the YAML notes of the same stem.
 
-    The file streams through in blocks; memory is bounded by `settings.max_samples`, whatever the file's length.
+    The file is streamed in blocks; memory is bounded by `settings.max_samples`, regardless of the file's length.
 
     Args:
         source: the file, or a pandas frame.
-        settings: the study's `measurements` block, or notes; its entries come before those of the notes beside it.
+        settings: the study's `measurements` block, or notes; its entries override those of the notes next to the file.
         actuation: names of the chain's inputs, which the file must have; all inputs of the file by default.
-        expected: for some columns the range that the model knows (a law's domain, the chain's length), to
-            notice a wrong unit.
+        expected: for some columns the range that the model covers (a law's domain, the chain's length), to
+            detect a wrong unit.
         progress: receives rows read, for files above 20 MB.
-        runs_seen: takes the names of the runs; spans to exclude from others are then left to other files.
-        elsewhere_noted: takes keys and columns of notes that the file does not have; then they are left to others.
+        runs_seen: collects the names of the runs; exclusions for other runs are then left to other files.
+        elsewhere_noted: collects keys and columns of notes that the file does not have; then they are left to others.
 
     Raises:
         UserError: the file cannot be read, a row or column is wrong (all such rows with their lines, 20 of them
-            listed), or the chain's inputs or the wanted outputs are not there.
+            listed), or the chain's inputs or the wanted outputs are missing.
     """
     in_memory = is_frame(source)
     path = Path(FRAME if in_memory else source)
     notes, notes_name = notes_on(source, settings)
-    with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as sheet:
+    with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as opened:
+        sheet = with_frames(opened, notes)
         asked = notes.join is not None or notes.name_pattern is not None or bool(notes.runs)
         own = set(match(sheet, notes, notes_name, frozenset(), elsewhere_noted)) if asked else set()
-        other = elsewhere(path, notes, notes_name, actuation, own)
+        other = external_columns(path, notes, notes_name, actuation, own) if asked else Elsewhere()
         texts = [FileColumn("the file's name", name, "text", "") for name in other.texts]
         given = [*texts, *other.columns]
         header = read_header(sheet, notes, notes_name, actuation, given, elsewhere_noted)
         most = settings.max_samples if isinstance(settings, MeasurementsConfig) else MOST_SAMPLES
-        gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None)
+        named_by = next((rename_line(name, "run") for name, is_ in header.may_be.items() if is_ == "run"), "")
+        gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None, named_by)
         _gather(sheet, header, other, gatherer, progress or Silent())
         gatherer.finish()
     sheet.problems.raise_if_any()
@@ -103,20 +107,21 @@ def read_measurement(
     if not any(rows.kept for rows in gathered):
         raise UserError(f"{path}: {gatherer.no_rows()}")
     said = [*header.remarks, *other.remarks, *gatherer.remarks(sheet.blank_rows)]
-    outputs = _chosen(path, header, settings.outputs if isinstance(settings, MeasurementsConfig) else ())
+    wanted = settings.outputs if isinstance(settings, MeasurementsConfig) else ()
+    outputs = _chosen(path, header, wanted, notes.at(path, "outputs"))
     said += gatherer.condition_remarks()
     stated = _stated(notes, notes_name, outputs, header)
     if notes.marker_offsets_m and len(notes.marker_offsets_m) != len(notes.markers_m):
         raise UserError(
-            f"{notes_name}: 'marker_offsets' has {len(notes.marker_offsets_m)} entries and 'markers' "
-            f"{len(notes.markers_m)}; give an offset for each, [0, 0, 0] for one on the centre line."
+            f"{notes.at(notes_name, 'marker_offsets')}: 'marker_offsets' has {len(notes.marker_offsets_m)} entries and "
+            f"'markers' {len(notes.markers_m)}; give an offset for each, [0, 0, 0] for one on the centre line."
         )
     runs = [_run(rows, header, outputs, stated, path) for rows in gathered if rows.kept]
     said += [f"Run '{rows.name}' has no row that can be used." for rows in gathered if not rows.kept]
     runs = [run for run in runs if len(run)]
     ranges = spans([run.history for run in runs])
     levels = _levels(notes, notes_name, header)
-    runs = [  # cycles are counted where the file does not give all of a run's
+    runs = [  # cycles are counted unless the file gives all of a run's
         replace(run, cycle=cycles(run.history, ranges, levels))
         if levels is not None or np.isnan(run.cycle).any()
         else run
@@ -125,14 +130,15 @@ def read_measurement(
     if notes.cycles is not None:
         runs = [part for run in runs for part in _by_cycle(run)]
     runs = _let_go(runs, notes.let_go)
-    spans_here = notes.exclude
+    spans_here = list(enumerate(notes.exclude))
     if runs_seen is not None:
         names = {run.name for run in runs}
         runs_seen |= names
-        spans_here = tuple(span for span in notes.exclude if span.run in names)
-    runs = _without_excluded(runs, spans_here, notes_name, said)
+        spans_here = [(number, span) for number, span in spans_here if span.run in names]
+    placed = [(span, notes.at(notes_name, "exclude", number)) for number, span in spans_here]
+    runs = _without_excluded(runs, placed, said)
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
-    if not runs and runs_seen is not None:  # others of the files may have some
+    if not runs and runs_seen is not None:  # other files may have some
         return Measurement((), (), path.name, tuple(said))
     if not read:
         raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
@@ -148,7 +154,9 @@ def read_measurement(
         for run in runs
     ]
     said += _look(runs)
-    doubts = _doubts(runs, expected or {}, notes_name, {column.name: column for column in header.columns})
+    doubts = run_doubts(sheet, header.may_be, notes_name) if header.may_be else []
+    doubts += [] if header.names("time") else rate_doubts(sheet, notes_name)
+    doubts += _doubts(runs, expected or {}, notes_name, {column.name: column for column in header.columns})
     said += map(as_remark, doubts)
     doubts += [Doubt(text.partition(":")[0], "order", text) for text in gatherer.order_remarks()]
     return Measurement(
@@ -157,7 +165,7 @@ def read_measurement(
         path.name,
         tuple(said),
         notes.markers_m,
-        "" if in_memory else digest_of(path),
+        "" if in_memory else file_digest(path),
         tuple(doubts),
         {column.name: column.unit_as_written for column in header.every if column.unit},
         {column.name: column.written for column in header.columns},
@@ -181,7 +189,7 @@ def _frame(turn: Any) -> SensorFrame:
 def _free_zeros(
     notes: MeasurementNotes, notes_name: str, header: Header, outputs: Sequence[str]
 ) -> dict[str, str]:
-    """Return the outputs of which the notes know no zero, and whether each run has its own."""
+    """Return the outputs with an unknown zero in the notes, and whether each run has its own."""
     free = {}
     for column in header.columns:
         zero = noted(notes.zero, column.written, stem(column.written), column.name)
@@ -189,8 +197,8 @@ def _free_zeros(
             continue
         if column.role != "output":
             raise UserError(
-                f"{notes_name}: 'zero' of '{column.written}' is '{zero}', which can be said of readings alone; give "
-                "its value."
+                f"{notes.at(notes_name, 'zero', column.written)}: 'zero' of '{column.written}' is '{zero}', which can "
+                "be said of readings alone; give its value."
             )
         if column.name in outputs:
             free[column.name] = str(zero)
@@ -198,7 +206,7 @@ def _free_zeros(
 
 
 def _by_cycle(run: MeasuredRun) -> list[MeasuredRun]:
-    """Return each cycle of a run as a run of its own, of the same specimen; a run of one cycle as it is."""
+    """Return each cycle of a run as a separate run of the same specimen; a run of one cycle unchanged."""
     numbers = np.unique(run.cycle)
     if len(numbers) < 2:
         return [run]
@@ -210,7 +218,7 @@ def _by_cycle(run: MeasuredRun) -> list[MeasuredRun]:
 
 
 def _let_go(runs: Sequence[MeasuredRun], stated: Mapping[str, LetGoConfig]) -> list[MeasuredRun]:
-    """Mark the runs that begin held away from rest, with the first angle read: it may be left out later."""
+    """Mark the runs that begin deflected, with the first angle read, which may be left out later."""
     marked = []
     for run in runs:
         if (how := stated.get(run.name)) is not None:
@@ -243,22 +251,30 @@ def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, 
             times = None
             if clock is not None:
                 times = clock.scale * numbers[header.columns.index(clock)] + clock.shift
-            numbers += other.values(times, runs)
+            if other.columns:
+                numbers += other.values(times, runs)
             gatherer.add(np.column_stack(numbers), block.lines, runs, specimens)
             task.advance(count)
     finally:
         task.finish()
 
 
-def _chosen(path: Path, header: Header, wanted: Sequence[str]) -> list[str]:
+def _chosen(path: Path, header: Header, wanted: Sequence[str], where: str) -> list[str]:
     have = header.names("output")
+    called = _called(header)
+    wanted = [called.get(name, name) for name in wanted]
     for name in wanted:
         if name not in have:
             raise UserError(
-                f"{path}: the study asks for output '{name}', which the file does not have{closest(name, have)} "
+                f"{where}: the study asks for output '{name}', which {path.name} does not have{closest(name, have)} "
                 f"It has {', '.join(have)}."
             )
     return list(dict.fromkeys(wanted)) or have
+
+
+def _called(header: Header) -> dict[str, str]:
+    """Return Pliant's name of each column by the file's, with and without the trailing unit."""
+    return {name: column.name for column in header.columns for name in (column.written, stem(column.written))}
 
 
 def _stated(
@@ -266,19 +282,18 @@ def _stated(
 ) -> dict[str, float]:
     """Return standard deviations of sensors in SI, from the notes, by the file's names or Pliant's."""
     stated = {}
-    called = {name: c.name for c in header.columns for name in (c.written, stem(c.written))}
-    for name, value in notes.sigma.items():
+    called = _called(header)
+    for written, value in notes.sigma.items():
+        name, where = written, notes.at(notes_name, "sigma", written)
         name = called.get(name, name).removeprefix("sigma_")
         if not outputs_among([name]):
-            raise UserError(
-                f"{notes_name}: 'sigma' has '{name}', which is not an output{closest(name, outputs)}"
-            )
+            raise UserError(f"{where}: 'sigma' has '{name}', which is not an output{closest(name, outputs)}")
         try:
-            number = value if isinstance(value, float) else parse_quantity(value, unit_of(name))
+            number = value if isinstance(value, float) else parse_quantity(value, column_si_unit(name))
         except UnitError as error:
-            raise UserError(f"{notes_name}: sigma of '{name}': {error}.") from None
+            raise UserError(f"{where}: sigma of '{name}': {error}.") from None
         if not 0 < number < np.inf:
-            raise UserError(f"{notes_name}: sigma of '{name}' is {value}; it should be above 0.")
+            raise UserError(f"{where}: sigma of '{name}' is {value}; it should be above 0.")
         stated[name] = number
     return stated
 
@@ -286,7 +301,7 @@ def _stated(
 def _run(
     rows: RunRows, header: Header, outputs: Sequence[str], stated: Mapping[str, float], path: Path
 ) -> MeasuredRun:
-    """The run in SI; conditions that are blank throughout take their defaults, rows that lack one are left out."""
+    """Return the run in SI; entirely blank conditions take their defaults, rows that lack one are left out."""
     table = np.concatenate(rows.parts)
     lines = table[:, -1].astype(int)
     columns = {
@@ -334,15 +349,18 @@ def _run(
 
 
 def _without_excluded(
-    runs: Sequence[MeasuredRun], exclude: Sequence[ExcludedSpan], notes_name: str, said: list[str]
+    runs: Sequence[MeasuredRun], exclude: Sequence[tuple[ExcludedSpan, str]], said: list[str]
 ) -> list[MeasuredRun]:
-    """Readings of spans become missing, so that the model still lives through them; whole runs go."""
+    """Return runs with the readings of excluded spans set to missing, so that the model still simulates them.
+
+    Whole runs are removed. `exclude`: each span with where it was written.
+    """
     kept = list(runs)
-    for span in exclude:
+    for span, where in exclude:
         index = next((i for i, run in enumerate(kept) if run.name == span.run), None)
         if index is None:
             raise UserError(
-                f"{notes_name}: 'exclude' names run '{span.run}', which is not there"
+                f"{where}: 'exclude' names run '{span.run}', which is not there"
                 f"{closest(span.run, [run.name for run in runs])}"
             )
         run, why = kept[index], f" ({span.why})" if span.why else ""
@@ -357,7 +375,7 @@ def _without_excluded(
             inside = (run.lines >= span.lines[0]) & (run.lines <= span.lines[1])
         elif run.history.time_s is None:
             raise UserError(
-                f"{notes_name}: run '{run.name}' has no time_s; give 'lines: [first, last]' to exclude a part."
+                f"{where}: run '{run.name}' has no time_s; give 'lines: [first, last]' to exclude a part."
             )
         else:
             start = -np.inf if span.start_s is None else span.start_s
@@ -371,7 +389,7 @@ def _without_excluded(
 
 
 def _look(runs: Sequence[MeasuredRun]) -> list[str]:
-    """What the values themselves make one ask."""
+    """Return remarks on the values: constant inputs, a single run, runs without readings."""
     histories = [run.history for run in runs]
     remarks = [f"Input '{name}' {NEVER_CHANGES}" for name, width in spans(histories).items() if width == 0]
     if len(runs) == 1:
@@ -388,7 +406,7 @@ def _doubts(
     notes_name: str,
     columns: Mapping[str, FileColumn],
 ) -> list[Doubt]:
-    """Columns whose values do not fit what they are said to be."""
+    """Return doubts about columns whose values do not fit their stated quantity."""
     histories = [run.history for run in runs]
     doubts: list[Doubt] = []
     clock = columns.get("time_s")
@@ -404,39 +422,39 @@ def _doubts(
             largest[name] = max(largest.get(name, 0.0), top)
     inputs = sorted(histories[0].actuation, key=lambda name: -largest[name])
     for i, name in enumerate(inputs):
-        if any(unit_of(name) == unit_of(other) for other in inputs[:i]):
+        if any(column_si_unit(name) == column_si_unit(other) for other in inputs[:i]):
             del largest[name]  # of inputs with the same unit only the largest is judged: the others may idle
-    doubts += out_of_range(largest, expected, notes_name, columns)
+    doubts += implausible_columns(largest, expected, notes_name, columns)
     return doubts + sensor_doubts(runs, columns, notes_name)
 
 
 def _levels(notes: MeasurementNotes, notes_name: str, header: Header) -> Levels | None:
-    """Return the levels between which the notes say that an input steps, SI; None where they say none."""
+    """Return the levels of an input by which the notes define cycles, SI; None if they state none."""
     stated = notes.cycles
     if stated is None or isinstance(stated, str):
         return None
     inputs = [column for column in header.every if column.role == "input"]
     for column in inputs:
         if stated.of in (column.written, stem(column.written), column.name):
-            where = f"{notes_name}: 'cycles'"
-            low, high = (value_of(one, column.unit, where) for one in (stated.low, stated.high))
+            where = f"{notes.at(notes_name, 'cycles')}: 'cycles'"
+            low, high = (parse_si_value(one, column.unit, where) for one in (stated.low, stated.high))
             if not low < high:
                 raise UserError(f"{where}: 'low' should be below 'high'.")
             return column.name, low, high
     names = [column.written for column in inputs]
     raise UserError(
-        f"{notes_name}: 'cycles' are of '{stated.of}', which is no input{closest(stated.of, names)}"
+        f"{notes.at(notes_name, 'cycles', 'of')}: 'cycles' are of '{stated.of}', which is no input"
+        f"{closest(stated.of, names)}"
     )
 
 
 def cycles(history: History, ranges: Mapping[str, float], levels: Levels | None = None) -> Array:
-    """(t,) the cycle of each sample, from 1.
+    """Return (t,) the cycle of each sample, from 1.
 
     A cycle is a rise of the actuation (the largest of all inputs, each from its lowest value in the run and over its
     range) above 60 % of the run's range after a return below 25 %: the two thresholds keep noise and small reversals
-    from counting. The number changes where the rise begins. An input that idles makes no cycle: its range in the run
-    is its own sensor's noise and below half of the largest range that an input of its unit has in any run, or below a
-    tenth of that.
+    from counting. The number changes where the rise begins. An idle input makes no cycle: its range in the run is
+    sensor noise and below half of the largest range of any input with its unit in any run, or below a tenth of that.
 
     Args:
         history: the run.
@@ -450,7 +468,7 @@ def cycles(history: History, ranges: Mapping[str, float], levels: Levels | None 
         return _risen(history, (signal - low) / width, returned, loaded)
     signal = np.zeros(len(history))
     for name, values in history.actuation.items():
-        alike = max(width for other, width in ranges.items() if unit_of(other) == unit_of(name))
+        alike = max(width for other, width in ranges.items() if column_si_unit(other) == column_si_unit(name))
         idle = np.ptp(values) < SMALLER * alike and _is_noise(history, values)
         if np.ptp(values) > SMALLEST * alike and not idle:
             size = np.abs(values)
@@ -470,7 +488,7 @@ def _risen(history: History, height: Array, returned: float, loaded: float) -> A
     turns = marked[1:][np.diff(state[marked]) > 0]  # first samples that are loaded again
     if state[marked[0]] < 0:
         turns = turns[1:]  # the first rise belongs to cycle 1
-    rest = AT_REST + VALLEY * _noise_of(history, height)
+    rest = AT_REST + VALLEY * _fast_noise(history, height)
     for turn in turns:  # from the last sample before the rise that is still as low as the valley
         first = int(np.flatnonzero(height[:turn] > loaded)[-1]) + 1
         valley = height[first:turn]
@@ -480,18 +498,18 @@ def _risen(history: History, height: Array, returned: float, loaded: float) -> A
 
 
 def _is_noise(history: History, values: Array) -> bool:
-    """Return whether all that an input does in a run is the noise of its gauge."""
-    return bool(np.ptp(values) < NOISE_RANGE * _noise_of(history, values))
+    """Return whether the variation of an input in a run is only the noise of its gauge."""
+    return bool(np.ptp(values) < NOISE_RANGE * _fast_noise(history, values))
 
 
-def _noise_of(history: History, values: Array) -> float:
-    """Return the standard deviation of fast noise; 0 where there are too few samples to tell it from a signal."""
+def _fast_noise(history: History, values: Array) -> float:
+    """Return the standard deviation of fast noise; 0 with too few samples to separate it from a signal."""
     clock = np.arange(len(values), dtype=float) if history.time_s is None else history.time_s
     return float(np.sqrt(noise_variance(clock, values)[0])) if len(values) >= ENOUGH else 0.0
 
 
 def spans(histories: Sequence[History]) -> dict[str, float]:
-    """Range of each input over all histories."""
+    """Return the range of each input over all histories."""
     spread = {}
     for name in dict.fromkeys(name for history in histories for name in history.actuation):
         values = [h.actuation[name] for h in histories if len(h)]

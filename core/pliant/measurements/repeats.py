@@ -12,12 +12,12 @@ from pliant.records.design import Array
 from pliant.records.history import BASE, History
 from pliant.records.measurement import MeasuredRun, Measurement
 
-SAME = 0.03  # two inputs are the same where they differ by less than this share of the input's span (RMS)
+SAME = 0.03  # two inputs are the same if they differ by less than this share of the input's span (RMS)
 SAME_DURATION = 0.05
 SAME_TEMPERATURE_K = 1.0
 SAME_ANGLE_RAD = np.deg2rad(1.0)
-GRID = 2000  # instants at most at which inputs are compared
-GAP = 2.5  # readings further apart than so many usual steps are not bridged
+GRID = 2000  # maximum number of instants at which inputs are compared
+GAP = 2.5  # gaps longer than this number of usual steps are not interpolated
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class RepeatGroup:
 
     Attributes:
         runs: their indices in the measurement, two or more.
-        specimens_differ: they were not all done with one specimen, so that their scatter holds that of making.
+        specimens_differ: more than one specimen was used, so that their scatter includes that of fabrication.
     """
 
     runs: tuple[int, ...]
@@ -64,7 +64,7 @@ class _Driven:
     _noise: dict[str, float] = field(default_factory=dict)
 
     @staticmethod
-    def of(history: History) -> _Driven:
+    def from_history(history: History) -> _Driven:
         if history.time_s is None:
             return _Driven(history.signals(), None, 0.0, len(history))
         clock = history.time_s - history.time_s[0]
@@ -72,12 +72,12 @@ class _Driven:
         return _Driven(history.signals(), clock, step, len(history))
 
     def at(self, grid: Array, name: str) -> Array:
-        """A signal at these seconds from the start."""
+        """Return a signal at these seconds from the start."""
         assert self.clock is not None
         return np.interp(grid, self.clock, self.signals[name])
 
     def noise(self, name: str) -> float:
-        """Variance of a signal's white noise; a run is compared with many."""
+        """Return the variance of a signal's white noise, cached because a run is compared with many."""
         if name not in self._noise:
             assert self.clock is not None
             self._noise[name] = noise_variance(self.clock, self.signals[name])[0]
@@ -85,14 +85,14 @@ class _Driven:
 
 
 def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
-    """Runs with the same inputs, loads, orientation and temperature, grouped.
+    """Return groups of runs with the same inputs, loads, orientation and temperature.
 
     Two runs are repeats where their durations agree within 5 % and every signal agrees within 3 % of its span
-    over the measurement (root mean square over the run, what its own noise explains taken off; spans include 0,
+    over the measurement (root mean square over the run, minus the part explained by its own noise; spans include 0,
     and inputs of one unit share theirs), the temperature within 1 K and the base within 1 degree. Each run is
     compared with the first run of each group.
     """
-    driven = [_Driven.of(run.history) for run in measurement.runs]
+    driven = [_Driven.from_history(run.history) for run in measurement.runs]
     tolerances = _tolerances([one.signals for one in driven])
     groups: list[list[int]] = []
     for index, one in enumerate(driven):
@@ -110,7 +110,7 @@ def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
 
 
 def aligned(runs: Sequence[MeasuredRun], readings: Sequence[Array]) -> Aligned:
-    """Readings of repeats at the instants of the first run, by straight lines between samples.
+    """Return readings of repeats at the instants of the first run, by linear interpolation.
 
     Args:
         runs: the repeats.
@@ -134,7 +134,7 @@ def aligned(runs: Sequence[MeasuredRun], readings: Sequence[Array]) -> Aligned:
 
 
 def _bridged(grid: Array, clock: Array, values: Array) -> tuple[Array, float]:
-    """Values on a grid, NaN across gaps, and the share of white noise variance that interpolation leaves."""
+    """Return values on a grid, NaN across gaps, and the share of white noise variance that interpolation retains."""
     right = np.clip(np.searchsorted(clock, grid), 1, clock.size - 1)
     step = clock[right] - clock[right - 1]
     weight = np.clip((grid - clock[right - 1]) / step, 0.0, 1.0)
@@ -164,7 +164,7 @@ def _tolerances(signals: Sequence[dict[str, Array]]) -> dict[str, float]:
 
 
 def _family(name: str) -> str:
-    """Signals that share a span: all pressures, all tendon forces, all forces at the tip."""
+    """Return the family of signals that share a span: all pressures, all tendon forces, all forces at the tip."""
     return next(
         (
             kind
@@ -190,7 +190,7 @@ def _same(a: _Driven, b: _Driven, tolerances: dict[str, float]) -> bool:
 
 
 def _alike(grid: Array, name: str, a: _Driven, b: _Driven, tolerance: float) -> bool:
-    """Two signals agree within the tolerance and their own noise, with four sigma of what sampling adds to it."""
+    """Return whether two signals agree within the tolerance and their noise, plus four sigma of its sampling error."""
     square = float(np.mean((a.at(grid, name) - b.at(grid, name)) ** 2))
     if square <= tolerance**2:
         return True

@@ -1,4 +1,4 @@
-"""A study around a recording: a base study with these measurements, or the skeleton of one joint."""
+"""Studies for a recording: a base study with these measurements, or a skeleton of one joint."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from pliant.config.loading import load_study
-from pliant.config.writing import StudyDraft, name_of_file
+from pliant.config.writing import StudyDraft, study_name_from_path
 from pliant.measurements.block import advised, block_text, with_files
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.store.store import write_atomically
 
 JOINT = re.compile(r"joint_(\d+)_angle_rad")
+DRIVEN = {"tendon_force": ("tendon_force_n", "N"), "tendon_travel": ("tendon_travel_m", "m")}
 SKELETON = """\
 # A study of {source}, written by 'pliant import'.
 # Fill in the three lines that have an arrow, check 'base' and 'gravity', then: pliant compare {target}
@@ -59,7 +60,7 @@ def write_study(
     Args:
         target: the new file; paths in it are relative to its folder.
         measurement: what was read.
-        block: keys of `measurements`; its files as seen from the current folder.
+        block: keys of `measurements`; its files relative to the current folder.
         base: the study to extend; without one a skeleton is written, with three lines to fill in.
         registry: the installed plugins.
 
@@ -80,23 +81,21 @@ def write_study(
 
 
 def skeleton(target: Path, measurement: Measurement, block: str) -> str:
-    """A study of as many equal joints as the recording has angles of, with a stated law."""
+    """Return a study with as many equal joints as the recording has joint angles, with a stated law."""
     inputs = list(measurement.runs[0].history.actuation)
     joints = [int(match[1]) for name in measurement.outputs if (match := JOINT.fullmatch(name))]
-    slides = "elongation_strain" in measurement.outputs
-    keys = {
-        "joint: prismatic": slides,
-        "actuation_name: tendon_force_n": inputs[0].startswith("tendon_force"),
-    }
+    slides = bool({"elongation_strain", "extension_m"} & set(measurement.outputs))
+    driven, driver = next(
+        (named for stem, named in DRIVEN.items() if inputs[0].startswith(stem)), ("pressure_pa", "Pa")
+    )
+    keys = {"joint: prismatic": slides, f"actuation_name: {driven}": driven != "pressure_pa"}
     effort, per = ("N", "m") if slides else ("N·m", "rad")
-    driver = "N" if inputs[0].startswith("tendon_force") else "Pa"
-    driven = "tendon_force_n" if driver == "N" else "pressure_pa"
     words = f"k_n in {effort} per {driver}, b_e in {effort} per {per}{_ratio(measurement, inputs)}"
     signs = [f"    - {{input: {name}, sign: {1 - 2 * (k % 2)}}}\n" for k, name in enumerate(inputs)]
     return SKELETON.format(
         source=measurement.source,
         target=target,
-        name=name_of_file(target) or "recording",
+        name=study_name_from_path(target) or "recording",
         keys="".join(f"  {key}\n" for key, needed in keys.items() if needed),
         coordinate="extension" if slides else "angle",
         moment="force" if slides else "moment",
@@ -111,7 +110,7 @@ def skeleton(target: Path, measurement: Measurement, block: str) -> str:
 
 
 def _ratio(measurement: Measurement, inputs: Sequence[str]) -> str:
-    """What the recording itself says of the two coefficients: the angle per input, through the origin."""
+    """Return what the recording implies about the two coefficients: the angle per input, through the origin."""
     if len(inputs) != 1 or "angle_rad" not in measurement.outputs:
         return ""
     driver = np.concatenate([run.input(inputs[0]) for run in measurement.runs])

@@ -1,8 +1,8 @@
-"""Long recordings by the samples that matter: evenly chosen readings, and the samples at which inputs turn.
+"""Downsampling of long recordings: evenly chosen readings, and the samples at which inputs turn.
 
-A few thousand readings decide which effect is missing as well as a hundred thousand do, and the model is integrated
-from sample to sample. Between the samples that are kept every input, load and condition is still a straight line to
-within a small share of its range (Douglas & Peucker, Cartographica 10, 1973): what reaches the chain is the same.
+A few thousand readings are as decisive for the diagnosis as a hundred thousand, and the model is integrated from sample
+to sample. Between the kept samples every input, load and condition is still a straight line to within a small share of
+its range (Douglas & Peucker, Cartographica 10, 1973), so that the chain sees the same history.
 """
 
 from __future__ import annotations
@@ -18,28 +18,37 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
-# Readings of all runs above which a recording is long, several outputs of a sample counted each, and about which are
-# kept; but so many samples are never thinned, and about so many are kept, for what moves is seen between them.
+# A recording is long above the first number of readings in all runs, several outputs of a sample counted separately,
+# and about the second is kept. Fewer samples than `FEW` are never thinned, and about `FEWEST` are kept to resolve
+# motion.
 LONG, KEPT = 12_000, 6_000
 FEW, FEWEST = 4_000, 2_000
-# What inputs may part from straight lines by, as a share of their range: the smallest that keeps few enough is taken.
+# The same for chains whose joints have several coordinates: a sample costs ten times as much there.
+FEW_SPATIAL, FEWEST_SPATIAL = 1_500, 1_000
+# Allowed deviation of inputs from straight lines, as a share of their range: the smallest with few enough samples.
 TOLERANCES = (0.005, 0.01, 0.02)
 
 
-def thinned(measurement: Measurement) -> tuple[Measurement, tuple[str, ...]]:
-    """A long measurement by a part of its samples, and a sentence about it; a short one as it is.
+def downsample(measurement: Measurement, spatial: bool = False) -> tuple[Measurement, tuple[str, ...]]:
+    """Return a long measurement with a part of its samples, and a sentence about it; a short one unchanged.
 
-    Measurements whose inputs turn at too many samples stay as they are, too.
+    Measurements whose inputs turn at too many samples are also returned unchanged.
+
+    Args:
+        measurement: what was recorded.
+        spatial: joints of the chain have several coordinates each, which lowers the limits.
     """
     samples, each = sum(map(len, measurement.runs)), max(len(measurement.outputs), 1)
-    if each * samples <= LONG or (each > 1 and samples <= FEW):
+    few, fewest = (FEW_SPATIAL, FEWEST_SPATIAL) if spatial else (FEW, FEWEST)
+    long = few * each if spatial else LONG
+    if each * samples <= long or (each > 1 and samples <= few):
         return measurement, ()
-    stride = -(-samples // max(KEPT // each, min(FEWEST, KEPT)))
+    stride = -(-samples // (fewest if spatial else max(KEPT // each, min(fewest, KEPT))))
     spans = _spans(measurement)
     for tolerance in TOLERANCES:
         kept = [_samples(run, stride, spans, tolerance) for run in measurement.runs]
         count = sum(map(len, kept))
-        if each * count <= LONG or 4 * count <= samples:
+        if each * count <= long or 4 * count <= samples:
             runs = tuple(run.at(places) for run, places in zip(measurement.runs, kept, strict=True))
             said = (
                 f"The recording is long: of {plural(samples, 'sample')} {number(count)} are used, about one in "
@@ -50,7 +59,10 @@ def thinned(measurement: Measurement) -> tuple[Measurement, tuple[str, ...]]:
 
 
 def _spans(measurement: Measurement) -> dict[str, float]:
-    """Range of each signal over all runs; inputs of one unit share the largest: the noise of a held one is no turn."""
+    """Return the range of each signal over all runs.
+
+    Inputs of one unit share the largest range, so that the noise of a held one is not taken for a turn.
+    """
     tables = [run.history.signals() for run in measurement.runs]
     names = dict.fromkeys(name for table in tables for name in table)
     found = {}
@@ -65,16 +77,16 @@ def _spans(measurement: Measurement) -> dict[str, float]:
 
 
 def _samples(run: MeasuredRun, stride: int, spans: Mapping[str, float], tolerance: float) -> NDArray[np.intp]:
-    """Places of the samples that are kept: both ends, every so-many-th reading, and where inputs turn."""
+    """Return the indices of the samples that are kept: both ends, every `stride`-th reading, and where inputs turn."""
     n = len(run)
     if n < 3:
         return np.arange(n)
     read = np.flatnonzero(np.any([np.isfinite(values) for values in run.outputs.values()], axis=0))
     kept = np.zeros(n, bool)
-    kept[[0, 1, 2, -1, *read[::stride]]] = True  # the first three tell whether it begins in motion
+    kept[[0, 1, 2, -1, *read[::stride]]] = True  # the first three show whether it begins in motion
     signals = run.history.signals()
     valve = signals.pop("valve_open", None)
-    if valve is not None:  # a switch, no line
+    if valve is not None:  # a switch, not a line
         turns = np.flatnonzero(np.diff(valve))
         kept[turns] = kept[turns + 1] = True
     scaled = [v / (tolerance * spans[name]) for name, v in signals.items() if spans[name] > 0.0]

@@ -1,4 +1,4 @@
-"""Write a measurement as the CSV that `read_measurement` reads, number for number."""
+"""Writer of measurements as the CSV that `read_measurement` reads back exactly."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ PLAIN = r"[\w.+-]+( [\w.+-]+)*"  # texts that need no quotes
 def write_measurement(measurement: Measurement, path: Path | str) -> None:
     """Write runs, inputs, loads, conditions, readings and stated sigmas; NaN is blank, numbers are exact.
 
-    Loads that are 0 everywhere, the reference temperature and a base that never turns are left out. Where the
-    markers have positions, the YAML notes are written beside the CSV. Remarks are not kept.
+    Loads that are 0 everywhere, the reference temperature and a base that never rotates are left out. If the markers
+    have positions, the YAML notes are written next to the CSV. Remarks are not kept.
 
-    Raises `UserError` for a name that a CSV cannot hold, or runs of which only some have a clock.
+    Raises `UserError` for a name that a CSV cannot contain, or if only some runs have a clock.
     """
     path = Path(path)
     clocks = {run.history.time_s is None for run in measurement.runs}
@@ -61,7 +61,7 @@ def _columns(run: MeasuredRun) -> dict[str, Array]:
 
 
 def _matters(name: str, values: Array) -> bool:
-    """The column says something that its absence would not."""
+    """Return whether a column carries information that its absence would not."""
     if name in (*FORCES, *BASE, "moment_n_m"):
         return bool(np.any(values != 0))
     if name == "temperature_c":

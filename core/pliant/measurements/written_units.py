@@ -1,4 +1,4 @@
-"""The units and headings of the file that was read: people see their own on the terminal, on pages, in files."""
+"""The units and headings of the file that was read, for display in the terminal, on pages and in files."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
 from pliant.formatting import DISPLAY, Unit
-from pliant.measurements.columns import MEASUREMENT, unit_of, with_zero
+from pliant.measurements.columns import MEASUREMENT, column_si_unit, with_zero
 from pliant.records.measurement import Measurement
-from pliant.tabular.units import conversion, fits, unit_at_the_end, unit_in
 from pliant.units import split_unit
+from pliant_tables.units import conversion, fits, unit_at_the_end, unit_in
 
 SYMBOLS = {
     "deg": "°",
@@ -27,14 +27,18 @@ SYMBOLS = {
 
 
 def units_as_written(measurement: Measurement) -> Mapping[str, Unit]:
-    """The display units of a measurement: names of columns, and SI units, → the unit in its file.
+    """Return the display units of a measurement: names of columns, and SI units, → the unit in its file.
 
-    A column counts where its unit is not the SI one, or its heading says the unit. One that is headed by Pliant's own
-    name ("pressure_pa") is shown as ever (in kPa), and so are units with another zero (K for °C).
+    A column counts if its unit is not the SI one, or its heading states the unit. One with Pliant's own name as heading
+    ("pressure_pa") keeps the default display (in kPa), and so do units with another zero (K for °C).
     """
     found: dict[str, Unit] = {}
     for name, text in measurement.written.items():
-        if name.startswith("sigma_") or not (si := unit_of(name)) or not _said(measurement, name, text, si):
+        if (
+            name.startswith("sigma_")
+            or not (si := column_si_unit(name))
+            or not _said(measurement, name, text, si)
+        ):
             continue
         if not fits(text, si) or text[:1].isdigit():  # a clock of dates or frames; steps of a motor
             continue
@@ -45,7 +49,7 @@ def units_as_written(measurement: Measurement) -> Mapping[str, Unit]:
         usual = DISPLAY.get(si)
         unit = usual if usual is not None and usual.symbol == symbol else Unit(symbol, 1 / scale)
         found[name] = unit
-        if si != "dimensionless":  # a strain in percent makes no other pure number one
+        if si != "dimensionless":  # a strain in percent does not change other dimensionless numbers
             found.setdefault(si, unit)
     return found
 
@@ -58,10 +62,10 @@ def _said(measurement: Measurement, name: str, text: str, si: str) -> bool:
 def column_as_written(
     name: str, measurement: Measurement | None, notes: MeasurementNotes
 ) -> tuple[str, float, float]:
-    """The heading under which a column is written for the bench, and scale and shift from its unit to SI.
+    """Return the heading of a column in a file for the laboratory, and scale and shift from its unit to SI.
 
-    The heading of the file that was read, or Pliant's stem with the unit in which the file has such quantities
-    ("moment [mN*m]"); Pliant's own name where the reader would not know the other one again.
+    This is the heading of the file that was read, or Pliant's stem with the unit that the file uses for such quantities
+    ("moment [mN*m]"); Pliant's own name if the reader would not recognise the other one.
 
     Args:
         name: Pliant's name of the column.
@@ -71,8 +75,8 @@ def column_as_written(
     renamed = [written for written, kept in notes.rename.items() if kept == name]
     headings = list(renamed)
     if measurement is not None:
-        si = unit_of(name)
-        same = [text for other, text in measurement.written.items() if si and unit_of(other) == si]
+        si = column_si_unit(name)
+        same = [text for other, text in measurement.written.items() if si and column_si_unit(other) == si]
         text = measurement.written.get(name) or next(iter(same), "")
         if name in measurement.headed:
             headings.insert(0, measurement.headed[name])

@@ -1,1 +1,1 @@
-"""Chain mechanics that all engines share: rotations, kinematics, efforts, statics."""
+"""Chain mechanics for all engines: rotations, kinematics, efforts, statics."""

@@ -1,9 +1,9 @@
 """Efforts of all joints of a chain from its laws, actuators and law terms: τ(q) = Σ_k T_k law(p_k, T_kᵀ q).
 
-T_k is an actuator's sign, and its turn about the chain axis where it has one (`Actuator.turn`). A law of several
-actuations takes all that act on the joint at once: τ(q) = law(a, q).
+T_k is an actuator's sign, and its rotation about the chain axis if it has one (`Actuator.turn`). A law of several
+actuations takes all actuators of the joint at once: τ(q) = law(a, q).
 
-Terms split that sum into its elastic part, the sum at p = 0, and its actuation part, the rest: see `LawTerm`.
+Terms split that sum into its elastic part, the sum at p = 0, and its actuation part, the remainder: see `LawTerm`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from pliant.records.design import Array
 from pliant.records.law import EXTENSION, JointLaw
 from pliant.records.rollout import OutsideDomain
 
-# Excesses below this are rounding, not extrapolation.
+# Smaller excesses are rounding, not extrapolation.
 DOMAIN_ROUNDING = 1e-9
-# Of the work of law terms along a path.
+# Quadrature of the work of law terms along a path.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @dataclass(frozen=True, eq=False)
 class ChainEffort:
-    """tau (n, a); dtau_dp (n, a) for each input's name; dtau_du (n, a, a)."""
+    """Effort tau (n, a), slopes dtau_dp (n, a) for each input's name and dtau_du (n, a, a)."""
 
     tau: Array
     dtau_dp: Mapping[str, Array]
@@ -37,7 +37,7 @@ class ChainEffort:
 
 
 def actuation_values(actuators: Sequence[Actuator], actuation: Mapping[str, float]) -> Array:
-    """(actuators,) the value of each actuator's input.
+    """Return (actuators,) the value of each actuator's input.
 
     Raises:
         UserError: an input of the chain has no value.
@@ -51,7 +51,7 @@ def actuation_values(actuators: Sequence[Actuator], actuation: Mapping[str, floa
 
 @dataclass(frozen=True, eq=False)
 class _LawGroup:
-    """Joints with the same law under the same actuators, `drives`; `whole`: the law takes them all at once."""
+    """Joints with the same law and actuators, `drives`; `whole`: the law takes all actuators at once."""
 
     law: JointLaw
     joints: NDArray[np.intp]
@@ -63,14 +63,14 @@ class _LawGroup:
 
 
 class JointEfforts:
-    """Evaluates a chain's laws; joints with the same law and all actuators go through one vectorised call."""
+    """Evaluator of a chain's laws; joints with the same law and actuators are evaluated by one vectorised call."""
 
     def __init__(self, chain: ChainModel) -> None:
         self.actuators = chain.actuators
         self.shape = (chain.n_joints, len(chain.axes))
         self._signs = np.array([actuator.sign for actuator in chain.actuators], float)
         self._turns = np.array([actuator.turn(len(chain.axes)) for actuator in chain.actuators], float)
-        of_joint = [(joint.law, chain.drives_of(joint)) for joint in chain.joints]
+        of_joint = [(joint.law, chain.actuator_range(joint)) for joint in chain.joints]
         self._groups = [
             _LawGroup(
                 chain.laws[k],
@@ -83,13 +83,13 @@ class JointEfforts:
         self.terms = LawTerms(chain.terms, self.shape)
 
     def values(self, actuation: Mapping[str, float]) -> Array:
-        """(actuators,) the value of each actuator's input; see `actuation_values`."""
+        """Return (actuators,) the value of each actuator's input; see `actuation_values`."""
         return actuation_values(self.actuators, actuation)
 
     def evaluate(
         self, q: Array, actuation: Mapping[str, float], memory: TermMemory | None = None
     ) -> ChainEffort:
-        """Effort and slopes of all joints at coordinates q (n, a); without a memory the chain is rested."""
+        """Return effort and slopes of all joints at coordinates q (n, a); without a memory the chain is rested."""
         values = self.values(actuation)
         whole = self._laws(q, values)
         if not self.terms.terms:
@@ -110,14 +110,14 @@ class JointEfforts:
         return ChainEffort(tau, by_input, dtau_du)
 
     def advance(self, q: Array, actuation: Mapping[str, float], memory: TermMemory) -> TermMemory:
-        """The memory of the law terms after a step that ends at q (n, a)."""
+        """Return the memory of the law terms after a step that ends at q (n, a)."""
         return self.terms.advance(q, self._net(self.values(actuation)), memory)
 
     def potential(self, q: Array, actuation: Mapping[str, float], memory: TermMemory | None = None) -> float:
-        """Σ Π(p, Tᵀ q) − Π(p, 0) over joints and actuators (Π(a, q) of several at once), in J.
+        """Return Σ Π(p, Tᵀ q) − Π(p, 0) over joints and actuators (Π(a, q) for several at once), in J.
 
-        With law terms it is minus the work of τ along the straight path from 0, memory held: the potential of
-        the step to come, by 12-point Gauss–Legendre.
+        With law terms it is minus the work of τ along the straight path from 0 at fixed memory, by 12-point
+        Gauss–Legendre: the potential of the next step.
         """
         if not self.terms.terms:
             values = self.values(actuation)
@@ -133,7 +133,7 @@ class JointEfforts:
         return -float(0.5 * np.einsum("s,sna,na->", WEIGHTS, taus, q))
 
     def _efforts_at(self, points: Array, actuation: Mapping[str, float], memory: TermMemory) -> Array:
-        """τ (s, n, a) at several coordinates (s, n, a) with terms, without slopes; laws are called once for all."""
+        """Return τ (s, n, a) at several coordinates (s, n, a) with terms, without slopes; laws are called once."""
         values = self.values(actuation)
         net, none = self._net(values), np.zeros_like(values)
         now = [self.terms.contribution(q, net, memory) for q in points]
@@ -145,7 +145,7 @@ class JointEfforts:
         return np.asarray(elastic * self._taus(points - rest, none) + driven + moment)
 
     def _taus(self, points: Array, values: Array) -> Array:
-        """(s, n, a) what the laws alone give at several coordinates (s, n, a)."""
+        """Return (s, n, a) efforts of the laws without terms at several coordinates (s, n, a)."""
         tau = np.empty_like(points)
         for group in self._groups:
             rows = points[:, group.joints].reshape(-1, self.shape[1])
@@ -156,7 +156,7 @@ class JointEfforts:
         return tau
 
     def _net(self, values: Array) -> Array:
-        """(n,) the sum of the signed inputs that act on each joint, which law terms see."""
+        """Return (n,) the sum of the signed inputs on each joint, for law terms."""
         if not self._apart:
             return np.full(self.shape[0], float(self._signs @ values))
         net = np.empty(self.shape[0])
@@ -190,11 +190,11 @@ class JointEfforts:
     def outside_domain(
         self, q: Array, actuation: Mapping[str, float], time_s: float = 0.0
     ) -> tuple[OutsideDomain, ...]:
-        """Where laws are used outside the box of their data, or where their slope is not negative.
+        """Return where laws are used outside the box of their data, or where their slope is not negative.
 
         `variable` is the input's name, `angle_rad` (`angle_x_rad`… on joints with several axes, `extension_m` of a
-        travel) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates. Of
-        actuators that leave their box by the same variable of a joint, the one furthest outside is told.
+        translation) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates. If several
+        actuators leave their box by the same variable of a joint, the one furthest outside is returned.
         """
         values = self.values(actuation)
         found: list[OutsideDomain] = []
@@ -209,12 +209,12 @@ class JointEfforts:
             OutsideDomain(int(i) + 1, time_s, "dtau_du", float(largest[i]))
             for i in np.flatnonzero(largest >= 0.0)
         ]
-        # The furthest comes last and stays.
+        # The furthest is last and is kept.
         found.sort(key=lambda entry: (entry.module, entry.variable, abs(entry.excess)))
         return tuple({(entry.module, entry.variable): entry for entry in found}.values())
 
     def _excesses(self, group: _LawGroup, q: Array, values: Array) -> Iterator[tuple[tuple[str, ...], Array]]:
-        """Names of variables and how far outside its box the law is in them, (m, variables), of each actuator."""
+        """Yield for each actuator the variables' names and the law's distance from its box, (m, variables)."""
         names, joints = _deformation_names(group.law), q[group.joints]
         actuators = self.actuators[group.drives]
         if group.whole:
@@ -224,14 +224,14 @@ class JointEfforts:
         known = zip(actuators, values[group.drives], self._turns[group.drives], strict=True)
         for actuator, value, turn in known:
             excess = group.law.domain.excess(np.full(len(joints), value), joints @ turn)
-            if not actuator.rotation_rad:  # else it is told about the actuator's own axes
+            if not actuator.rotation_rad:  # otherwise about the actuator's own axes
                 excess[:, 1:] *= np.diag(turn)
             yield (actuator.input, *names), excess
 
     def _stack(self, group: _LawGroup, joints: Array, values: Array) -> tuple[Array, Array]:
-        """Actuation and deformation of a group's joints (m, a) as its law takes them.
+        """Return actuation and deformation of a group's joints (m, a) as arguments of its law.
 
-        (k·m,) and (k·m, a) under k actuators in turn; (m, k) and (m, a) of a law that takes them at once.
+        (k·m,) and (k·m, a) for k separate actuators; (m, k) and (m, a) for a law that takes them at once.
         """
         acting = values[group.drives]
         if group.whole:

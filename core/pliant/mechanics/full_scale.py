@@ -1,4 +1,4 @@
-"""The largest actuation of a chain: the end of its laws, or what would turn a joint far."""
+"""Full scale of a chain's actuation: the limit of its laws' domains, or the actuation of a large deformation."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pliant.records.chain import ChainModel
 
 
 def full_scale(chain: ChainModel) -> float:
-    """Return the size of actuation at which forms are stated, Pa or N: the largest that the chain's laws know.
+    """Return the full-scale actuation, Pa or N: the largest in the domains of the chain's laws.
 
-    A law without a domain knows of none; there it is what would turn a joint by one radian (stretch it by its length)
-    if it were as stiff as at rest, and infinite where a law does not feel its actuation.
+    For a law without a domain it is the actuation that would rotate a joint by one radian (stretch it by its length) at
+    its stiffness at rest, and infinite if the law does not depend on its actuation.
     """
     known = [float(np.max(np.abs(law.domain.actuation))) for law in chain.laws]
     if all(map(math.isfinite, known)):

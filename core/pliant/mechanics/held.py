@@ -1,10 +1,10 @@
-"""A joint that the bench holds: its coordinate is imposed, and the effort with which it pushes back is read.
+"""Blocked joint: its coordinate is prescribed, and its reaction effort is measured.
 
     u(t) given,   M(t) = τ'(p(t), u(t), history)
 
-τ' is the law's effort with all law terms (`JointEfforts`), their memory carried along the imposed path: no equilibrium
-is sought. A tensile tester and a fixture that blocks an actuator work so. As in every history a run begins at rest, its
-first sample is reached slowly, and what does not heal goes on from the runs of the same specimen before it.
+τ' is the law's effort with all law terms (`JointEfforts`), whose memory advances along the prescribed path; no
+equilibrium is solved. This describes a tensile tester or a fixture that blocks an actuator. As in every history, a run
+starts at rest, its first sample is reached slowly, and permanent memory continues from earlier runs of the specimen.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.term import LawTerm
 
-# Imposed coordinate → the effort that is read, by the kind of joint.
+# Prescribed coordinate → measured effort, by joint type.
 HELD = {"prismatic": "held_elongation_strain", "revolute": "held_angle_rad"}
 BLOCKED = {"prismatic": "blocked_force_n", "revolute": "blocked_moment_n_m"}
 
 
 def is_held(history: History) -> bool:
-    """Whether the bench imposes the joint's coordinate in this run."""
+    """Return whether the joint's coordinate is prescribed in this run."""
     return any(name in history.actuation for name in HELD.values())
 
 
-def imposed(chain: ChainModel, histories: Sequence[History]) -> list[Array]:
-    """(t,) the coordinate of the one joint in each run, rad or m.
+def prescribed_motion(chain: ChainModel, histories: Sequence[History]) -> list[Array]:
+    """Return (t,) the coordinate of the single joint in each run, rad or m.
 
     Raises:
-        UserError: a chain of several joints or axes, a run that does not hold it, or the other kind of joint.
+        UserError: a chain of several joints or axes, a run without a prescribed coordinate, or another joint type.
     """
     joint = chain.laws[0].joint
     if chain.n_joints != 1 or joint not in HELD:
@@ -55,18 +55,18 @@ def imposed(chain: ChainModel, histories: Sequence[History]) -> list[Array]:
 
 
 def without_held(chain: ChainModel, history: History) -> History:
-    """The run's inputs of the chain alone; those that a bench without supply does not record are 0."""
+    """Return the run with the chain's inputs only; inputs that are not recorded are 0."""
     given = {name: values for name, values in history.actuation.items() if name not in HELD.values()}
     idle = {a.input: np.zeros(len(history)) for a in chain.actuators if a.input not in given}
     return replace(history, actuation={**given, **idle})
 
 
 def blocked_efforts(chain: ChainModel, histories: Sequence[History], paths: Sequence[Array]) -> list[Array]:
-    """(t,) τ of the one joint of a chain along imposed coordinates (t,), N·m or N.
+    """Return (t,) τ of the single joint of a chain along prescribed coordinates (t,), N·m or N.
 
     Args:
         chain: with its law terms.
-        histories: inputs and conditions that reach the chain, runs of a specimen in their order.
+        histories: inputs and conditions of the chain, runs of a specimen in chronological order.
         paths: see `imposed`.
     """
     damage: dict[tuple[str, int], list[float]] = {}
@@ -88,7 +88,7 @@ def blocked_efforts(chain: ChainModel, histories: Sequence[History], paths: Sequ
 def _along(
     term: LawTerm, chain: ChainModel, history: History, path: Array, old: list[float]
 ) -> tuple[Array, list[float]]:
-    """A term's values (t,) sample by sample, and its memory at the end; plain lists, for a tester samples often."""
+    """Return a term's values (t,), and its memory at the end; plain lists, since testers sample at a high rate."""
     net = np.sum([a.sign * history.actuation[a.input] for a in chain.actuators], axis=0)
     steps = np.full(len(path), math.inf)
     if history.time_s is not None:
@@ -105,7 +105,7 @@ def _along(
 
 
 def _combined(chain: ChainModel, actuation: Mapping[str, Array], path: Array, parts: Contribution) -> Array:
-    """τ' (t,) = Π f_elastic · E(u − Σ rest) + Π f_actuation · A(p, u) + Σ moment, as `LawTerm` has it."""
+    """Return τ' (t,) = Π f_elastic · E(u − Σ rest) + Π f_actuation · A(p, u) + Σ moment, see `LawTerm`."""
     law = chain.laws[chain.joints[0].law]
     total = np.array(parts.moment)
     none = np.zeros(len(path))

@@ -10,9 +10,9 @@ from pliant.records.design import Array, MassProperties
 
 
 def regular(piece: MassProperties, mass_floor_kg: float, inertia_floor_kg_m2: float) -> MassProperties:
-    """A piece that a dynamics engine can move: mass and inertia raised to small floors.
+    """Return a piece with mass and inertia raised to small floors for a dynamics engine.
 
-    A share of the inertia's own trace keeps slender pieces on the right side of the triangle inequality.
+    A share of the inertia's trace ensures the triangle inequality for slender pieces.
     """
     inertia = np.asarray(piece.inertia_kg_m2, float)
     floor = inertia_floor_kg_m2 + 1e-9 * float(np.trace(inertia))
@@ -20,8 +20,8 @@ def regular(piece: MassProperties, mass_floor_kg: float, inertia_floor_kg_m2: fl
 
 
 def mass_matrix(chain: ChainModel, q: Array) -> Array:
-    """(n·a, n·a) mass matrix at joint coordinates q (n, a), payload included."""
-    geometry = ChainGeometry.of(chain)
+    """Return (n·a, n·a) mass matrix at joint coordinates q (n, a), payload included."""
+    geometry = ChainGeometry.from_chain(chain)
     pose = geometry.forward(q)
     n, a = q.shape
     pieces = [*chain.bodies[1:], MassProperties(chain.payload_kg, chain.tip_offset_m, np.zeros((3, 3)))]
@@ -46,7 +46,7 @@ def mass_matrix(chain: ChainModel, q: Array) -> Array:
 
 
 def longest_explicit_step(mass: Array, stiffness: Array, damping: float, courant: float = 0.5) -> float:
-    """Step (s) that resolves the fastest oscillation and the fastest decay: courant / max(ω, rate)."""
+    """Return the step (s) that resolves the fastest oscillation and the fastest decay: courant / max(ω, rate)."""
     inverse = np.linalg.inv(mass)
     fastest = float(np.abs(np.linalg.eigvals(inverse @ stiffness)).max()) ** 0.5
     decay = damping * float(np.linalg.eigvalsh(0.5 * (inverse + inverse.T))[-1])

@@ -1,9 +1,9 @@
 """Forward kinematics of a chain in joint coordinates q (n, a).
 
-Body i + 1 hangs on joint i: its origin is P = p + R (offset) of its parent and its orientation
+Joint i carries body i + 1: its origin is P = p + R (offset) of its parent and its orientation
 R_parent · rest · exp(B q), where the columns of B (3, a) are the joint's axes. A prismatic joint moves the
-child by q along its axis instead. An extensible one, q = (φ, e), turns by φ and then moves the child by e along the
-child's own x: the joint stays at the middle of the resting module, and all that the module has grown lies beyond it.
+child by q along its axis instead. An extensible one, q = (φ, e), rotates by φ and then moves the child by e along the
+child's x: the joint stays at the middle of the resting module, and the module's extension is distal to it.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class Pose:
     """A chain in space, world frame.
 
     Attributes:
-        origins: (n + 1, 3) body origins; body i + 1 has its own at joint i.
+        origins: (n + 1, 3) body origins; that of body i + 1 is at joint i.
         rotations: (n + 1, 3, 3) body orientations.
         rest_frames: (n, 3, 3) rest frames of the joints: parent's orientation times rest rotation.
-        directions: (n, 3, a) angular velocity of the child per rate of each coordinate (its velocity where that is a
-            travel: see `ChainGeometry.turns` and `slide`).
-        pivots: (n, 3) the points about which the joints turn; a body has left its own by what its joint has extended.
+        directions: (n, 3, a) angular velocity of the child per rate of each coordinate (its velocity for a
+            translation: see `ChainGeometry.turns` and `slide`).
+        pivots: (n, 3) the points about which the joints rotate; a body's origin is offset from it by the extension.
     """
 
     origins: Array
@@ -43,7 +43,7 @@ class Pose:
     pivots: Array
 
     def moved(self, place_m: Array, turn: Array | None = None) -> Pose:
-        """The same chain with the frame in which it stands turned (3, 3), then moved (3,)."""
+        """Return the pose after rotating the frame of the chain by (3, 3), then moving it by (3,)."""
         if turn is None:
             return replace(self, origins=self.origins + place_m, pivots=self.pivots + place_m)
         return Pose(
@@ -57,10 +57,10 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class ChainGeometry:
-    """What of a chain does not move: joint kind, axes and offsets, as arrays.
+    """Constant geometry of a chain: joint type, axes and offsets, as arrays.
 
-    `basis` (3, a) has the axes of turns, or of a prismatic joint's travel, as columns; that of an extension is zero.
-    `reach` (a,) is the move of each coordinate that counts as much as a turn of 1 rad: of travels a module's length.
+    `basis` (3, a) has the axes of rotations, or of a prismatic joint, as columns; that of an extension is zero.
+    `reach` (a,) is the change of each coordinate that is equivalent to 1 rad: for translations a module's length.
     """
 
     kind: JointKind
@@ -74,11 +74,11 @@ class ChainGeometry:
     reach: Array
 
     @staticmethod
-    def of(chain: ChainModel) -> ChainGeometry:
-        """Geometry of a chain.
+    def from_chain(chain: ChainModel) -> ChainGeometry:
+        """Return the geometry of a chain.
 
         Raises:
-            ContractError: the chain's lists do not fit together or its laws differ in kind or axes.
+            ContractError: the chain's lists are inconsistent, or its laws differ in joint type or axes.
         """
         _check(chain)
         law = chain.laws[0]
@@ -105,12 +105,12 @@ class ChainGeometry:
 
     @property
     def slide(self) -> int | None:
-        """Column of the coordinate that is a travel beside turns; None where there is none."""
+        """Column of a translational coordinate of a rotational joint; None without one."""
         return self.axes.index(EXTENSION) if EXTENSION in self.axes else None
 
     @property
     def turns(self) -> bool:
-        """Whether the joints turn: about their pivots, and all that lies beyond with them."""
+        """Return whether the joints rotate all distal bodies about their pivots."""
         return self.kind != "prismatic"
 
     @property
@@ -119,11 +119,11 @@ class ChainGeometry:
         return np.asarray(self.reach / self.reach[0])
 
     def rotation_vectors(self, q: Array) -> Array:
-        """(n, 3) rotation vectors of the joints."""
+        """Return (n, 3) rotation vectors of the joints."""
         return np.asarray(q @ self.basis.T)
 
     def forward(self, q: Array) -> Pose:
-        """The pose at joint coordinates q (n, a)."""
+        """Return the pose at joint coordinates q (n, a)."""
         n = self.n_joints
         origins, rotations = np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
         origins[0], rotations[0] = self.base_position, self.base_rotation
@@ -147,7 +147,7 @@ class ChainGeometry:
         return Pose(origins, rotations, rest_frames, directions, pivots)
 
     def _turns(self, q: Array, phi: Array) -> Array:
-        """(n, 3, 3) or (1, 3, 3) rotations of the joints themselves."""
+        """Return (n, 3, 3) or (1, 3, 3) rotations of the joints."""
         if self.kind == "prismatic":
             return np.eye(3)[None]
         if self.kind != "revolute":
@@ -157,7 +157,7 @@ class ChainGeometry:
         return np.asarray(np.eye(3) + np.sin(angle) * hinge + 2 * np.sin(0.5 * angle) ** 2 * (hinge @ hinge))
 
     def markers(self, q: Array) -> Array:
-        """(n + 2, 3) base, joints 1…n and tip; a joint's marker is the origin of the body it carries."""
+        """Return (n + 2, 3) base, joints 1…n and tip; a joint's marker is the origin of its child body."""
         pose = self.forward(q)
         tip = pose.origins[-1] + pose.rotations[-1] @ self.tip_offset
         return np.concatenate([pose.origins, tip[None]])
@@ -169,7 +169,7 @@ def _reach(chain: ChainModel) -> Array:
 
 
 def main_axis(axes: Sequence[str]) -> int:
-    """Column of the main bending axis among a joint's axes, or of the only one."""
+    """Return the column of the main bending axis among a joint's axes, or of the only one."""
     return axes.index(MAIN_AXIS) if MAIN_AXIS in axes else 0
 
 
@@ -195,7 +195,7 @@ def _check(chain: ChainModel) -> None:
 
 
 def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
-    """(t, n + 2, 3) markers over a history: coordinates q (t, n, a), base orientations (t, 3, 3)."""
+    """Return (t, n + 2, 3) markers over a history: coordinates q (t, n, a), base orientations (t, 3, 3)."""
     if geometry.kind == "revolute":
         return _hinges(geometry, q[:, :, 0], base_rotations)
     steps, n = q.shape[:2]
@@ -218,7 +218,7 @@ def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Arra
 
 
 def orientations(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
-    """(t, n + 1, 3, 3) orientations of the bodies over a history, as `trajectory`."""
+    """Return (t, n + 1, 3, 3) orientations of the bodies over a history, as `trajectory`."""
     rotations = np.empty((len(q), geometry.n_joints + 1, 3, 3))
     rotations[:, 0] = base_rotations
     vectors = q @ geometry.basis.T
@@ -230,20 +230,20 @@ def orientations(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Ar
 
 
 def _turned(vectors: Array) -> Array:
-    """(t, 3, 3) rotations; where nothing was reached, or slopes are beyond all measure, nothing is shown."""
+    """Return (t, 3, 3) rotations; NaN for states that were not reached or overflow."""
     with np.errstate(invalid="ignore", over="ignore"):
         return exp_map(vectors)
 
 
 def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
-    """Markers of hinges at angles q (t, n): two columns of a rotation turn into each other; time is last in memory."""
+    """Return markers of hinges at angles q (t, n) by rotating two columns; time is the last axis in memory."""
     steps, n = q.shape
     axis = int(np.argmax(geometry.basis[:, 0]))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     columns: list[Array] = list(np.ascontiguousarray(base_rotations.transpose(2, 1, 0)))
     markers = np.empty((n + 2, 3, steps))
     markers[0] = geometry.base_position[:, None]
-    with np.errstate(invalid="ignore"):  # where nothing was reached, nothing is shown
+    with np.errstate(invalid="ignore"):  # NaN for states that were not reached
         cosines, sines = np.cos(q.T), np.sin(q.T)
     for i, (cosine, sine) in enumerate(zip(cosines, sines, strict=True)):
         markers[i + 1] = markers[i]
@@ -259,7 +259,7 @@ def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
 
 
 def _add(columns: Sequence[Array], factors: Array, total: Array) -> Array:
-    """The total (3, t) plus the columns (3, t) times their factors, in place."""
+    """Add the columns (3, t) times their factors to the total (3, t), in place; return the total."""
     for column, factor in zip(columns, factors, strict=True):
         if factor != 0.0:
             total += factor * column
@@ -267,7 +267,7 @@ def _add(columns: Sequence[Array], factors: Array, total: Array) -> Array:
 
 
 def base_rotations(rotation: Array, angles: Array) -> Array:
-    """(t, 3, 3) base orientations: `rotation`, then turns about world x, y and z by the rows of `angles`."""
+    """Return (t, 3, 3) base orientations: `rotation`, then turns about world x, y, z by the rows of `angles`."""
     if not angles.any():
         return np.ascontiguousarray(np.broadcast_to(rotation, (len(angles), 3, 3)))
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles.T), np.sin(angles.T)

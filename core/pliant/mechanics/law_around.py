@@ -1,4 +1,4 @@
-"""A law around another one, of the same joint."""
+"""Wrapper of a joint law."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pliant.records.law import Domain, JointKind, JointLaw, LawRecord
 
 
 @dataclass(frozen=True, eq=False)
-class LawAround(JointLaw):
-    """Joint, axes, input and domain of the law inside; what is different about the effort, subclasses say.
+class LawWrapper(JointLaw):
+    """Base of laws that wrap another law with the same joint, axes, input and domain; subclasses change the effort.
 
     Attributes:
-        law: the law inside.
+        law: the wrapped law.
     """
 
     law: JointLaw
@@ -34,5 +34,5 @@ class LawAround(JointLaw):
         return self.law.domain
 
     def record(self) -> LawRecord:
-        """That of the law inside: what stands around it is made anew, never stored."""
+        """Return the record of the wrapped law; wrappers are built again and never stored."""
         return self.law.record()

@@ -1,4 +1,4 @@
-"""Laws as likely as a given one: the law plus smooth functions as large as its error bar says."""
+"""Random draws of a law: the law plus smooth functions of the size of its error bar."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-import scipy  # scipy.stats only where laws of several actuations are drawn
+import scipy  # scipy.stats is needed only for draws of laws of several actuations
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.mechanics.law_around import LawAround
+from pliant.mechanics.law_around import LawWrapper
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
 
-# Errors of a law vary slowly over its box: so many Chebyshev terms in p and in u, each half as large as the last.
+# Errors of a law vary slowly over its box: number of Chebyshev terms in p and in u, each half as large as the last.
 TERMS = (3, 4)
 DECAY = 0.5
-# The error bar's own shape is resolved by as many nodes.
+# Number of nodes that resolve the error bar's shape.
 NODES = 9
-# Of several actuations: degrees of a drawn function and of its product with the error bar, places where that is taken.
+# Several actuations: degrees of a drawn function and of its product with the error bar, places of the fit.
 SEVERAL, PLACES = (3, 4), 512
 ONE_SIGMA = 2 * NormalDist().cdf(1.0) - 1
 
 
 def error_tables(law: JointLaw, count: int, seed: int) -> Array:
-    """(count, a, NODES, NODES) Chebyshev coefficients in (x, v_a) of drawn errors of each axis' effort, N·m.
+    """Return (count, a, NODES, NODES) Chebyshev coefficients in (x, v_a) of drawn errors of the efforts, N·m.
 
     x and v are p and u scaled to [−1, 1] on the law's box. Each axis' error is a function of p and its own u, so
     that it derives from an energy: s_a(p, u_a) g(p, u_a), with s the band at one standard deviation (other axes at
@@ -36,7 +36,7 @@ def error_tables(law: JointLaw, count: int, seed: int) -> Array:
         ValueError: the law states no error, or its domain has no limits.
     """
     box = np.vstack([law.domain.actuation, law.domain.deformation])
-    if law.error is None or not np.all(np.isfinite(box)) or len(law.actuations) > 1:
+    if not law.states_error or not np.all(np.isfinite(box)) or len(law.actuations) > 1:
         raise ValueError("the law states no error bar over a bounded domain of one actuation")
     random = np.random.default_rng(seed)
     nodes = chebyshev.chebpts1(NODES)
@@ -51,16 +51,16 @@ def error_tables(law: JointLaw, count: int, seed: int) -> Array:
 
 
 def error_polynomials(law: JointLaw, count: int, seed: int) -> tuple[NDArray[np.int64], Array]:
-    """Drawn errors of a law of m actuations: exponents (t, m + 1) and coefficients (count, a, t), N·m.
+    """Return drawn errors of a law of m actuations: exponents (t, m + 1) and coefficients (count, a, t), N·m.
 
-    Of each axis a polynomial in its scaled (p, u_a) instead of a table, which would have too many nodes: s_a g as in
+    For each axis a polynomial in its scaled (p, u_a) replaces a table, which would have too many nodes: s_a g as in
     `error_tables`, g a random series of total degree 3, the product fitted by degree 4 at places that fill the box.
 
     Raises:
         ValueError: the law states no error, or its domain has no limits.
     """
     box, m = law.domain.box, len(law.actuations)
-    if law.error is None or not np.all(np.isfinite(box)):
+    if not law.states_error or not np.all(np.isfinite(box)):
         raise ValueError("the law states no error bar over a bounded domain")
     random = np.random.default_rng(seed)
     y = 2 * scipy.stats.qmc.Sobol(m + 1, scramble=False).random(PLACES) - 1
@@ -85,11 +85,11 @@ def error_polynomials(law: JointLaw, count: int, seed: int) -> tuple[NDArray[np.
 
 
 def draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:
-    """The law's own draws, or the law with drawn errors added.
+    """Return the draws that the law implements, or the law with drawn errors added.
 
     Raises:
         ValueError: as `error_tables`.
-        UserError: a law of several actuations without draws of its own.
+        UserError: a law of several actuations that does not implement draws.
     """
     own = law.draws(count, seed)
     if not own and len(law.actuations) > 1:
@@ -101,7 +101,7 @@ def draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:
 
 
 def _sizes(law: JointLaw, box: Array, a: int, nodes: Array) -> Array:
-    """(NODES, NODES) one standard deviation of axis a over its p and u."""
+    """Return (NODES, NODES) one standard deviation of axis a over its p and u."""
     centre, half = box.mean(axis=1), np.ptp(box, axis=1) / 2
     p, u = np.meshgrid(centre[0] + half[0] * nodes, centre[1 + a] + half[1 + a] * nodes, indexing="ij")
     deformation = np.tile(centre[1:], (p.size, 1))
@@ -112,7 +112,7 @@ def _sizes(law: JointLaw, box: Array, a: int, nodes: Array) -> Array:
 
 
 def _unit_function(random: np.random.Generator, nodes: Array) -> Array:
-    """(NODES, NODES) values of a random series in x and v with a mean variance of 1."""
+    """Return (NODES, NODES) values of a random series in x and v with a mean variance of 1."""
     weights = np.multiply.outer(DECAY ** np.arange(TERMS[0]), DECAY ** np.arange(TERMS[1]))
     bases = [chebyshev.chebvander(nodes, terms - 1) for terms in TERMS]
     variance = np.einsum("xi,vj,ij->xv", bases[0] ** 2, bases[1] ** 2, weights**2).mean()
@@ -121,8 +121,8 @@ def _unit_function(random: np.random.Generator, nodes: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnLaw(LawAround):
-    """A law plus an error e_a(p, u_a) on each axis; outside the box the error stays as at its border.
+class DrawnLaw(LawWrapper):
+    """A law plus an error e_a(p, u_a) on each axis; outside the box the error is that at its border.
 
     Attributes:
         law: the law itself.
@@ -132,7 +132,7 @@ class DrawnLaw(LawAround):
     tables: Array
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """As the law's, shapes (n, a), (n, a), (n, a, a)."""
+        """Return effort and slopes, shapes (n, a), (n, a), (n, a, a)."""
         effort = self.law.evaluate(actuation, deformation)
         tau, gain, slope = (np.array(part) for part in (effort.tau, effort.dtau_dp, effort.dtau_du))
         p_map = _map(self.law.domain.actuation)
@@ -151,7 +151,7 @@ def _map(limits: Array) -> tuple[float, float]:
 
 
 def _inside(values: Array, scale: tuple[float, float]) -> tuple[Array, Array]:
-    """Scaled values held to [−1, 1], and their rate of change, 0 outside."""
+    """Return scaled values clipped to [−1, 1], and their derivative, 0 outside."""
     scaled = (values - scale[0]) / scale[1]
     held = np.clip(scaled, -1.0, 1.0)
     return held, np.where(scaled == held, 1.0 / scale[1], 0.0)

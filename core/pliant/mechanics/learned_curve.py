@@ -1,14 +1,14 @@
-"""A smooth curve or surface over one or two covariates of a joint: values at even knots, and nothing outside.
+"""Smooth curve or surface over one or two covariates of a joint, given by values at equidistant knots, 0 outside.
 
     f(x) = w(x) Σ_k v_k φ_k(x)
 
-v_k are values at even knots from `low` to `high`, φ_k the cubic convolution of Keys (IEEE Trans. Acoust. 29, 1981:
-values at the knots are met, slopes are continuous), of two covariates its product. w is 1 inside and falls to 0 within
-`MARGIN` of the range beyond either end (smoothstep), so that the curve says nothing where it was not seen. Cubic
-convolution overshoots its knots by a quarter at most: f is bounded by what was seen.
+v_k are values at equidistant knots from `low` to `high`, φ_k the cubic convolution of Keys (IEEE Trans. Acoust. 29,
+1981: it interpolates the knots with continuous slopes), for two covariates its product. w is 1 inside and falls to 0
+within `MARGIN` of the range beyond either end (smoothstep), so that the curve vanishes outside its data. Cubic
+convolution overshoots its knots by at most a quarter, so that f is bounded by the data.
 
-A covariate is what a joint, or its input, knows of itself and of its past. `learned_value` is a function of `LawTerm`;
-`series` gives the same covariates over the samples of a run.
+A covariate is a function of the present and past of a joint or its input. `learned_value` is a function of `LawTerm`;
+`series` returns the same covariates over the samples of a run.
 """
 
 from __future__ import annotations
@@ -37,12 +37,10 @@ CovariateName = Literal[
     "largest_angle",
 ]
 NAMES: tuple[str, ...] = get_args(CovariateName)
-# Of those from `time` on a state is carried along the run; these two go on from run to run of one specimen.
+# Covariates from `time` on have a state along the run; these two continue from run to run of one specimen.
 KEPT = ("travel", "largest_angle")
-# Covariates with a time, a rate or a width of their own.
-SCALED = ("rate", "travel", *NAMES[NAMES.index("actuation_rate") : NAMES.index("largest_angle")])
 MARGIN = 0.1
-# A factor on a part of the law never falls below this.
+# Lower bound of a factor on a part of the law.
 LEAST_FACTOR = 0.05
 ANGLE, RATE, ACTUATION, TEMPERATURE, TIME, TRAVEL = range(6)
 ACTUATION_RATE, ACTUATION_DIRECTION, ANGLE_DIRECTION, ACTUATION_CHANGE, ANGLE_CHANGE, LARGEST = range(6, 12)
@@ -56,11 +54,11 @@ class CurveAxis:
     """One covariate of a curve.
 
     Attributes:
-        name: which one.
-        low, high: the range in which the curve was seen, in the covariate's SI unit.
-        knots: how many values there are over it, 2 or more.
-        scale: time constant of a change, s; width of a direction, Pa, N or rad; rate at which a rate counts half, per
-            second; largest actuation, up to which and back is one cycle of travel. 1 for the others.
+        name: of the covariate.
+        low, high: the range of the curve's data, in the covariate's SI unit.
+        knots: number of values over the range, 2 or more.
+        scale: time constant of a change, s; width of a direction, Pa, N or rad; rate at half weight, per second;
+            largest actuation, up to which and back is one cycle of travel. 1 for the others.
     """
 
     name: str
@@ -76,17 +74,17 @@ class CurveAxis:
 
     @property
     def has_memory(self) -> bool:
-        """A state is carried along the run."""
+        """Return whether the covariate has a state along the run."""
         return self.code >= TIME
 
     @property
     def at(self) -> Array:
-        """(knots,) where the values stand."""
+        """(knots,) places of the values."""
         return np.linspace(self.low, self.high, self.knots)
 
 
 def numbers(axes: Sequence[CurveAxis], values: Array, is_factor: bool) -> tuple[float, ...]:
-    """What `learned_value` takes as its parameters; `values` (knots,) or (knots, knots)."""
+    """Return the parameters of `learned_value`; `values` (knots,) or (knots, knots)."""
     heads = [number for a in axes for number in (float(a.code), a.scale, a.low, a.high, float(a.knots))]
     return (float(is_factor), float(len(axes)), *heads, *np.ravel(values).tolist())
 
@@ -94,7 +92,7 @@ def numbers(axes: Sequence[CurveAxis], values: Array, is_factor: bool) -> tuple[
 def learned_value(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    """f, or 1 + f for a factor: a function of `LawTerm` with parameters by `numbers`."""
+    """Return f, or 1 + f for a factor: a function of `LawTerm` with parameters by `numbers`."""
     code = int(c[2])
     x = covariate(code, c[3], angle, rate, dt_s, actuation, temp_c, old, new, 0)
     weight = window(x, c[4], c[5])
@@ -121,7 +119,7 @@ def covariate(
     new: Array,
     at: int,
 ) -> float:
-    """One covariate at the end of a step; its memory, two numbers from `at` on, is the state and the last x."""
+    """Return one covariate at the end of a step; its memory, two numbers from `at` on, is the state and the last x."""
     if code == ANGLE:
         return angle
     if code == RATE:
@@ -148,7 +146,7 @@ def covariate(
     if code in (ACTUATION_DIRECTION, ANGLE_DIRECTION):
         new[at] = max(-1.0, min(1.0, old[at] + moved / scale))
         return new[at]
-    if math.isinf(dt_s):  # what changes in time has come to rest
+    if math.isinf(dt_s):  # time-dependent covariates have relaxed
         new[at] = 0.0
         return 0.0
     steps = dt_s / scale
@@ -158,7 +156,7 @@ def covariate(
 
 
 def window(x: float, low: float, high: float) -> float:
-    """1 from low to high, 0 from `MARGIN` of the range beyond them, smooth between."""
+    """Return 1 from low to high, 0 from `MARGIN` of the range beyond them, smooth between."""
     out = max(low - x, x - high) / (MARGIN * (high - low))
     if out <= 0.0:
         return 1.0
@@ -166,12 +164,12 @@ def window(x: float, low: float, high: float) -> float:
 
 
 def knot_place(x: float, low: float, high: float, knots: float) -> float:
-    """Where x stands among the knots, from 0 to knots − 1; beyond the ends at the end."""
+    """Return the position of x among the knots, from 0 to knots − 1, clipped at the ends."""
     return (knots - 1.0) * max(0.0, min(1.0, (x - low) / (high - low)))
 
 
 def along(c: Array, start: int, knots: int, t: float) -> float:
-    """Cubic convolution of the values from `start` on at the place t."""
+    """Interpolate the values from `start` on at the position t by cubic convolution."""
     i = min(int(t), knots - 2)
     s = t - i
     first = c[start + i - 1] if i > 0 else 2.0 * c[start] - c[start + 1]
@@ -180,7 +178,7 @@ def along(c: Array, start: int, knots: int, t: float) -> float:
 
 
 def across(c: Array, start: int, knots: int, width: int, t: float, r: float) -> float:
-    """The same over rows of `width` values."""
+    """Interpolate as `along` over rows of `width` values."""
     i = min(int(t), knots - 2)
     s = t - i
     here = along(c, start + i * width, width, r)
@@ -191,13 +189,13 @@ def across(c: Array, start: int, knots: int, width: int, t: float, r: float) -> 
 
 
 def keys(a: float, b: float, c: float, d: float, s: float) -> float:
-    """Keys' cubic through b at s = 0 and c at s = 1, with slopes from their neighbours."""
+    """Return Keys' cubic through b at s = 0 and c at s = 1, with slopes from their neighbours."""
     return b + 0.5 * s * (c - a + s * (2.0 * a - 5.0 * b + 4.0 * c - d + s * (3.0 * (b - c) + d - a)))
 
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """What one joint of one run goes through, (t,) each; `time_s` None where every sample was reached slowly."""
+    """Signals of one joint in one run, (t,) each; `time_s` None if every sample was reached slowly."""
 
     angle: Array
     actuation: Array
@@ -206,7 +204,7 @@ class Signals:
 
 
 def series(axis: CurveAxis, run: Signals, memory: Array | None = None) -> Array:
-    """(t,) the covariate at every sample of a run from rest; `memory` (2,) is where it starts, and is advanced."""
+    """Return (t,) the covariate at every sample of a run from rest; `memory` (2,) is its start, and is advanced."""
     direct = {"angle": run.angle, "actuation": run.actuation, "temperature": run.temperature}
     if axis.name in direct:
         return direct[axis.name]
@@ -231,7 +229,7 @@ def series(axis: CurveAxis, run: Signals, memory: Array | None = None) -> Array:
 
 
 def basis(axes: Sequence[CurveAxis], values: Sequence[Array]) -> Array:
-    """(t, K) w φ_k at covariates (t,) each: f = basis @ v."""
+    """Return (t, K) w φ_k at covariates (t,) each: f = basis @ v."""
     parts = [_weights(axis, x) for axis, x in zip(axes, values, strict=True)]
     if len(parts) == 1:
         return parts[0]
@@ -239,7 +237,7 @@ def basis(axes: Sequence[CurveAxis], values: Sequence[Array]) -> Array:
 
 
 def _weights(axis: CurveAxis, x: Array) -> Array:
-    """(t, knots) of one covariate."""
+    """Return (t, knots) weights of one covariate."""
     low, high, knots = axis.low, axis.high, axis.knots
     t = (knots - 1.0) * np.clip((x - low) / (high - low), 0.0, 1.0)
     i = np.minimum(t.astype(int), knots - 2)
@@ -252,7 +250,7 @@ def _weights(axis: CurveAxis, x: Array) -> Array:
             0.5 * s * s * (s - 1.0),
         ]
     )
-    wide = np.zeros((len(x), knots + 2))  # with one value more at either end, on the straight line
+    wide = np.zeros((len(x), knots + 2))  # with an additional value at either end, extrapolated linearly
     rows = np.arange(len(x))
     for k in range(4):
         wide[rows, i + k] += near[k]

@@ -1,4 +1,4 @@
-"""A law of several actuations as a law of one of them, the others at zero: what a picture over one input shows."""
+"""Restriction of a law of several actuations to one of them, the others at zero, for pictures over one input."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.mechanics.law_around import LawAround
+from pliant.mechanics.law_around import LawWrapper
 from pliant.records.design import Array
-from pliant.records.error_bar import ErrorBar
+from pliant.records.error_bar import ErrorBand
 from pliant.records.law import Domain, Effort, JointLaw, ScalarLaw
 
 
 @dataclass(frozen=True, eq=False)
-class OneInput(LawAround):
-    """τ((0, …, p, …, 0), u) of the law inside.
+class OneInput(LawWrapper):
+    """τ((0, …, p, …, 0), u) of the wrapped law.
 
     Attributes:
-        place: which of its actuations p is.
+        place: index of p among its actuations.
     """
 
     place: int = 0
@@ -32,25 +32,25 @@ class OneInput(LawAround):
         return Domain(inside.actuation[self.place], inside.deformation)
 
     @property
-    def error(self) -> ErrorBar | None:  # type: ignore[override]
-        """The bar of the law inside; `band` says how wide it is here."""
+    def error(self) -> ErrorBand | None:  # type: ignore[override]
+        """The error of the wrapped law; `band` gives its width here."""
         return self.law.error
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """Shapes (n, a), (n, a) and (n, a, a) for actuation (n,) and deformation (n, a)."""
+        """Return shapes (n, a), (n, a) and (n, a, a) for actuation (n,) and deformation (n, a)."""
         effort = self.law.evaluate(self._all(actuation), deformation)
         return Effort(effort.tau, effort.dtau_dp[:, :, self.place], effort.dtau_du)
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(p, u) − Π(p, 0) in J, shape (n,)."""
+        """Return Π(p, u) − Π(p, 0) in J, shape (n,)."""
         return self.law.potential(self._all(actuation), deformation)
 
     def band(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array | None:
-        """That of the law inside, (n, a)."""
+        """Return the band of the wrapped law, (n, a)."""
         return self.law.band(self._all(actuation), deformation, level)
 
     def scalar(self) -> ScalarLaw | None:
-        """None: it is no law of a chain."""
+        """Return None, since it is not a law of a chain."""
         return None
 
     def _all(self, actuation: Array) -> Array:
@@ -59,6 +59,6 @@ class OneInput(LawAround):
         return values
 
 
-def of_one_input(law: JointLaw) -> JointLaw:
-    """The law of the first input alone; the law itself where it has no other."""
+def first_input_law(law: JointLaw) -> JointLaw:
+    """Return the law of the first input; the law itself if it has no other input."""
     return law if len(law.actuations) == 1 else OneInput(law)

@@ -1,9 +1,8 @@
-"""Settling a chain inside a dynamics engine: dynamic relaxation with kinetic damping (Cundall 1976).
+"""Equilibrium of a chain inside a dynamics engine by dynamic relaxation with kinetic damping (Cundall 1976).
 
-The engine moves in pseudo-time with its own forces. Whenever the unbalanced effort works against the motion
-the kinetic energy has peaked, and the chain is halted: no damping constant has to be tuned. The state is
-judged by the common statics at the engine's own joint coordinates, so an engine with other conventions never
-converges.
+The engine moves in pseudo-time with its own forces. When the unbalanced effort works against the motion, the
+kinetic energy has peaked, and the chain is halted, so that no damping constant is tuned. Convergence is checked by
+the common statics at the engine's joint coordinates, so that an engine with other conventions never converges.
 """
 
 from __future__ import annotations
@@ -16,19 +15,19 @@ import numpy as np
 from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
 from pliant.records.design import Array
 
-# A step that turns a joint further than this is undone and repeated with more caution.
+# A step with a larger joint rotation is undone and repeated with more caution.
 LONGEST_TURN = 0.4
-# Size of the nudge that leaves an equilibrium which is not a minimum.
+# Size of the perturbation that leaves an unstable equilibrium.
 NUDGE = 1e-3
 MAX_CAUTION = 1e6
-# A joint that has turned this far has no equilibrium to go to: the chain runs away.
+# Joint rotation at which the chain is considered divergent.
 FURTHEST_TURN = 100.0
-# Share of the caution that an accepted step keeps.
+# Factor on the caution after an accepted step.
 REGAIN = 0.8
 
 
 class Mover(Protocol):
-    """A chain in an engine, as the relaxation drives it."""
+    """Interface of a chain in an engine for the relaxation."""
 
     @property
     def q(self) -> Array:
@@ -36,23 +35,23 @@ class Mover(Protocol):
 
     @property
     def rates(self) -> Array:
-        """(n, a) their rates."""
+        """(n, a) joint rates."""
 
     def halt(self, q: Array) -> None:
         """Put the chain at q without velocity."""
 
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
-        """One pseudo-time step under the true forces from q, which is where the chain is.
+        """Make one pseudo-time step under the true forces from the present coordinates q.
 
         Args:
-            load_stiffness: (n,) bound of the loads' stiffness at each joint, to be added to the law's own.
+            load_stiffness: (n,) bound of the loads' stiffness at each joint, added to the law's stiffness.
             caution: factor ≥ 1 on all numerical stiffness or inertia; larger means shorter moves.
         """
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """Where a relaxation ended after `steps` steps; residual is the largest unbalanced effort there."""
+    """Result of a relaxation after `steps` steps; residual is the largest unbalanced effort."""
 
     q: Array
     residual: float
@@ -62,9 +61,9 @@ class Relaxed:
 
 
 def relax(mover: Mover, statics: ChainStatics, loads: Loads, tolerance: float, max_steps: int) -> Relaxed:
-    """Relax from the present state; ends halted, at a minimum of the potential or with `converged` False.
+    """Relax from the present state; end halted, at a minimum of the potential or with `converged` False.
 
-    Turns are converted to joint coordinates by `ChainGeometry.reach`.
+    Rotations are converted to joint coordinates by `ChainGeometry.reach`.
     """
     q, reach = mover.q, statics.geometry.reach
     mover.halt(q)
@@ -97,9 +96,9 @@ def relax(mover: Mover, statics: ChainStatics, loads: Loads, tolerance: float, m
 
 
 def _joint_bounds(statics: ChainStatics, q: Array, loads: Loads) -> Array:
-    """(n,) half the row sums of |load stiffness|: a mode descends if the metric has half its stiffness.
+    """Return (n,) half the row sums of |load stiffness|: a mode descends if the metric has half its stiffness.
 
-    Travels beside turns are counted in reaches: the bound is N·m, and that of such a travel is this / reach².
+    Translations of rotational joints are scaled by the reach: the bound is N·m, divided by reach² for a translation.
     """
     stiffness = np.abs(statics.load_stiffness(q, loads))
     if statics.geometry.slide is not None:

@@ -13,12 +13,12 @@ import numpy as np
 
 from pliant.records.design import Array
 
-# Below this angle the closed forms cancel; a series to θ⁶ is then exact to rounding.
+# Below this angle the closed forms cancel; a series to θ⁶ is exact to rounding there.
 SMALL_ANGLE = 0.1
 
 
 def skew(vector: Array) -> Array:
-    """[v]× with [v]× w = v × w, for v of shape (..., 3): (..., 3, 3)."""
+    """Return [v]× (..., 3, 3) with [v]× w = v × w, for v of shape (..., 3)."""
     matrix = np.zeros((*vector.shape[:-1], 3, 3))
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
@@ -28,7 +28,7 @@ def skew(vector: Array) -> Array:
 
 
 def exp_map(phi: Array) -> Array:
-    """Rotation matrix (..., 3, 3) of the rotation vector φ (..., 3) by Rodrigues' formula."""
+    """Return the rotation matrix (..., 3, 3) of the rotation vector φ (..., 3) by Rodrigues' formula."""
     theta_sq, theta = _angles(phi)
     half = _half_sinc(theta)
     a, b = half * np.cos(0.5 * theta), 0.5 * half**2
@@ -37,12 +37,12 @@ def exp_map(phi: Array) -> Array:
 
 
 def log_map(rotation: Array) -> Array:
-    """Rotation vector (..., 3) with θ ≤ π of a rotation matrix (..., 3, 3); accurate near 0 and near π."""
-    return vector_of_quaternion(quaternion_of_matrix(rotation))
+    """Return the rotation vector (..., 3) with θ ≤ π of a rotation matrix (..., 3, 3); accurate near 0 and π."""
+    return vector_from_quaternion(quaternion_from_matrix(rotation))
 
 
 def left_jacobian(phi: Array) -> Array:
-    """J(φ), (..., 3, 3): angular velocity in the parent frame per rate of φ."""
+    """Return J(φ), (..., 3, 3): angular velocity in the parent frame per rate of φ."""
     theta_sq, theta = _angles(phi)
     b = 0.5 * _half_sinc(theta) ** 2
     c = _c(theta, theta_sq)
@@ -51,12 +51,12 @@ def left_jacobian(phi: Array) -> Array:
 
 
 def right_jacobian(phi: Array) -> Array:
-    """Jᵣ(φ) = J(−φ) = J(φ)ᵀ: angular velocity in the child's frame per rate of φ."""
+    """Return Jᵣ(φ) = J(−φ) = J(φ)ᵀ: angular velocity in the child's frame per rate of φ."""
     return left_jacobian(-phi)
 
 
 def right_jacobian_inverse(phi: Array) -> Array:
-    """Jᵣ(φ)⁻¹ = I + K/2 + d K² with d = (1 − (θ/2) cot(θ/2)) / θ²; singular at θ = 2π."""
+    """Return Jᵣ(φ)⁻¹ = I + K/2 + d K² with d = (1 − (θ/2) cot(θ/2)) / θ²; singular at θ = 2π."""
     theta_sq, theta = _angles(phi)
     small = theta < SMALL_ANGLE
     t = np.where(small, 1.0, theta)
@@ -68,7 +68,7 @@ def right_jacobian_inverse(phi: Array) -> Array:
 
 
 def left_jacobian_transpose_slope(phi: Array, moment: Array) -> Array:
-    """∂(J(φ)ᵀ g)/∂φ at fixed g, (..., 3, 3) with rows = components of Jᵀg, columns = components of φ.
+    """Return ∂(J(φ)ᵀ g)/∂φ at fixed g, (..., 3, 3) with rows = components of Jᵀg, columns = components of φ.
 
     Differentiates Jᵀg = g − b φ×g + c (φ (φ·g) − θ² g); its skew part is ½ [..]× of the structure equation.
     """
@@ -85,15 +85,15 @@ def left_jacobian_transpose_slope(phi: Array, moment: Array) -> Array:
     return slope
 
 
-def quaternion_of_vector(phi: Array) -> Array:
-    """Unit quaternion (..., 4) of a rotation vector."""
+def quaternion_from_vector(phi: Array) -> Array:
+    """Return the unit quaternion (..., 4) of a rotation vector."""
     theta = np.linalg.norm(phi, axis=-1)
     vector = 0.5 * _half_sinc(theta)[..., None] * phi
     return np.concatenate([np.cos(0.5 * theta)[..., None], vector], axis=-1)
 
 
-def vector_of_quaternion(quaternion: Array) -> Array:
-    """Rotation vector (..., 3) with θ ≤ π of a unit quaternion (..., 4) of either sign."""
+def vector_from_quaternion(quaternion: Array) -> Array:
+    """Return the rotation vector (..., 3) with θ ≤ π of a unit quaternion (..., 4) of either sign."""
     q = np.where(quaternion[..., :1] < 0.0, -quaternion, quaternion)
     length = np.linalg.norm(q[..., 1:], axis=-1)
     angle = 2.0 * np.arctan2(length, q[..., 0])
@@ -103,8 +103,8 @@ def vector_of_quaternion(quaternion: Array) -> Array:
     return np.asarray(ratio[..., None] * q[..., 1:])
 
 
-def quaternion_of_matrix(rotation: Array) -> Array:
-    """Unit quaternion (..., 4), w ≥ 0, of a rotation matrix, from its best-conditioned column.
+def quaternion_from_matrix(rotation: Array) -> Array:
+    """Return the unit quaternion (..., 4), w ≥ 0, of a rotation matrix, from its best-conditioned column.
 
     The symmetric matrix 4 q qᵀ is linear in R; its column of largest diagonal gives q without cancellation.
     """
@@ -124,8 +124,8 @@ def quaternion_of_matrix(rotation: Array) -> Array:
     return np.where(quaternion[..., :1] < 0.0, -quaternion, quaternion)
 
 
-def matrix_of_quaternion(quaternion: Array) -> Array:
-    """Rotation matrix (..., 3, 3) of a quaternion (..., 4), which is normalised first."""
+def matrix_from_quaternion(quaternion: Array) -> Array:
+    """Return the rotation matrix (..., 3, 3) of a quaternion (..., 4), which is normalised first."""
     q = np.asarray(quaternion, float)
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     K = skew(q[..., 1:])
@@ -139,13 +139,13 @@ def _angles(phi: Array) -> tuple[Array, Array]:
 
 
 def _half_sinc(theta: Array) -> Array:
-    """sin(θ/2) / (θ/2): a and b follow from it without cancellation."""
+    """Return sin(θ/2) / (θ/2), from which a and b follow without cancellation."""
     half = np.maximum(0.5 * theta, 1e-12)
     return np.asarray(np.sin(half) / half)
 
 
 def _square(phi: Array, theta_sq: Array) -> Array:
-    """K² = φ φᵀ − θ² I."""
+    """Return K² = φ φᵀ − θ² I."""
     return np.asarray(phi[..., :, None] * phi[..., None, :] - theta_sq[..., None, None] * np.eye(3))
 
 
@@ -157,8 +157,8 @@ def _c(theta: Array, theta_sq: Array) -> Array:
 
 
 def _slopes_over_angle(theta: Array, theta_sq: Array) -> tuple[Array, Array]:
-    """Derivatives of the coefficients b and c of the left Jacobian by the angle, over the angle."""
-    # These cancel two orders earlier than b and c, so the series reaches further.
+    """Return the derivatives of the coefficients b and c of the left Jacobian by the angle, over the angle."""
+    # These cancel two orders earlier than b and c, so that the series is used further.
     small = theta < 3 * SMALL_ANGLE
     t = np.where(small, 1.0, theta)
     db = (t * np.sin(t) - 2.0 * (1.0 - np.cos(t))) / t**4

@@ -1,4 +1,4 @@
-"""Statics of a chain in joint coordinates, all of it derived from one total potential.
+"""Statics of a chain in joint coordinates, derived from one total potential.
 
     Π(q) = Σ Π_joint(q) − Σ_k F_k · x_k(q) + M Σ_i q_i,main
     residual r = −∂Π/∂q = τ + Q,   stiffness H = ∂²Π/∂q²
@@ -8,14 +8,13 @@ P_j its position, G_j = Σ_{k≥j} (x_k − P_j) × F_k and T_j = Σ_{k≥j} [(x
 
     Q_j = ω_jᵀ G_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ T_j ω_j  (i < j),
 
-because the proximal joint turns everything beyond it; the diagonal block has −Gᵀ ∂ω_j/∂q_j too. A travel along t_j,
-which moves what lies beyond and turns nothing, has with f_j = Σ_{k≥j} F_k
+because the proximal joint rotates all distal bodies; the diagonal block also has −Gᵀ ∂ω_j/∂q_j. A translation along
+t_j, which moves the distal bodies without rotation, has with f_j = Σ_{k≥j} F_k
 
-    Q_j = t_jᵀ f_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ (t_j × f_j) for a turn i ≤ j,   0 for a travel i.
+    Q_j = t_jᵀ f_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ (t_j × f_j) for a rotation i ≤ j,   0 for a translation i.
 
-The opposing
-end moment M is carried by every joint: its potential M Σ q is exactly that of a moment on the tip body where
-the chain is planar, and keeps the chain conservative where it is not.
+The opposing end moment M acts on every joint: its potential M Σ q is exactly that of a moment on the tip body for a
+planar chain, and keeps other chains conservative.
 """
 
 from __future__ import annotations
@@ -37,18 +36,18 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Cord, Inputs, PointForce
 
-# Curvature below this share of the largest is neutral within rounding, not unstable.
+# Smaller curvature, relative to the largest, is neutral within rounding, not unstable.
 NEUTRAL_SHARE = 1e-10
-# A cord that ends on its pulley has no direction.
+# A cord of zero length has no direction.
 SHORTEST_CORD_M = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """What drives a chain at one instant; a straight path between two of them is a continuation.
+    """Actuation and loads of a chain at one instant; a straight path between two of them is a continuation.
 
-    `memory` is what law terms know of the past; None is a rested chain. `forces` and `cords` act at points of
-    bodies, beside the tip force.
+    `memory` is that of the law terms; None is a rested chain. `forces` and `cords` act at points of bodies, in
+    addition to the tip force.
     """
 
     actuation: Mapping[str, float]
@@ -60,8 +59,8 @@ class Loads:
     cords: tuple[Cord, ...] = ()
 
     @staticmethod
-    def of(chain: ChainModel, inputs: Inputs) -> Loads:
-        """The chain's gravity with the inputs' actuation and loads.
+    def from_inputs(chain: ChainModel, inputs: Inputs) -> Loads:
+        """Return the chain's gravity with the inputs' actuation and loads.
 
         Raises:
             UserError: an end moment on a prismatic chain, or a number that is not finite.
@@ -97,17 +96,17 @@ class Loads:
 
     @staticmethod
     def unactuated(chain: ChainModel) -> Loads:
-        """The chain's gravity alone."""
+        """Return the loads of the chain's gravity only."""
         nothing = {actuator.input: 0.0 for actuator in chain.actuators}
         return Loads(nothing, np.asarray(chain.gravity_m_s2, float))
 
     @staticmethod
     def none(chain: ChainModel) -> Loads:
-        """No actuation, no gravity, no load: the chain is straight."""
+        """Return zero actuation, gravity and load, for which the chain is straight."""
         return Loads({actuator.input: 0.0 for actuator in chain.actuators}, np.zeros(3))
 
     def between(self, other: Loads, fraction: float) -> Loads:
-        """The loads at `fraction` of the straight path from these (0) to the others (1)."""
+        """Return the loads at `fraction` of the straight path from these (0) to the others (1)."""
         keep, take = 1.0 - fraction, fraction
         names = {**self.actuation, **other.actuation}
         return Loads(
@@ -121,7 +120,7 @@ class Loads:
         )
 
     def after(self, memory: TermMemory) -> Loads:
-        """The same loads on a chain with this past."""
+        """Return the same loads on a chain with this memory."""
         return replace(self, memory=memory)
 
 
@@ -129,7 +128,7 @@ PointLoad = TypeVar("PointLoad", PointForce, Cord)
 
 
 def _shared(old: tuple[PointLoad, ...], new: tuple[PointLoad, ...], take: float) -> tuple[PointLoad, ...]:
-    """What is in both stays whole; the rest fades out and in."""
+    """Blend two sets of point loads: loads in both are kept, the others fade out and in."""
     kept = tuple(load for load in new if any(load is other for other in old))
     fading = tuple(load.scaled(1.0 - take) for load in old if not any(load is k for k in kept))
     coming = tuple(load.scaled(take) for load in new if not any(load is k for k in kept))
@@ -148,7 +147,7 @@ class ActingForce:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """residual (n, a) in N·m (N on prismatic joints) and stiffness (n·a, n·a), the Hessian of Π."""
+    """Residual (n, a) in N·m (N on prismatic joints) and stiffness (n·a, n·a), the Hessian of Π."""
 
     residual: Array
     stiffness: Array
@@ -158,7 +157,7 @@ class ChainStatics:
     """Residual, stiffness and potential of one chain."""
 
     def __init__(self, chain: ChainModel) -> None:
-        self.geometry = ChainGeometry.of(chain)
+        self.geometry = ChainGeometry.from_chain(chain)
         self.efforts = JointEfforts(chain)
         moving = chain.bodies[1:]
         self._mass = np.array([body.mass_kg for body in moving] + [chain.payload_kg], float)
@@ -167,13 +166,13 @@ class ChainStatics:
         self._body = np.minimum(np.arange(1, n + 2), n)
 
     def residual(self, q: Array, loads: Loads) -> Array:
-        """(n, a) unbalanced effort of each joint coordinate."""
+        """Return (n, a) unbalanced effort of each joint coordinate."""
         pose = self.geometry.forward(q)
         moment, force, _ = self._beyond(pose, loads)
         return self.effort(q, loads) + self._generalised(pose, moment, force)
 
     def balance(self, q: Array, loads: Loads) -> Balance:
-        """Residual and its negative slope, analytic; symmetric where the laws derive from an energy."""
+        """Return residual and its negative slope, analytic; symmetric if the laws derive from an energy."""
         pose = self.geometry.forward(q)
         moment, force, torsor = self._beyond(pose, loads)
         effort = self.efforts.evaluate(q, loads.actuation, loads.memory)
@@ -186,13 +185,13 @@ class ChainStatics:
         return Balance(residual, stiffness.reshape(n * a, n * a))
 
     def load_stiffness(self, q: Array, loads: Loads) -> Array:
-        """(n·a, n·a) Hessian of the potential of weights, payload and tip force."""
+        """Return (n·a, n·a) Hessian of the potential of weights, payload and tip force."""
         pose = self.geometry.forward(q)
         moment, force, torsor = self._beyond(pose, loads)
         return self._load_stiffness(q, pose, moment, force, torsor) + self._cord_stiffness(pose, loads)
 
     def acting(self, pose: Pose, loads: Loads) -> list[ActingForce]:
-        """The point forces and cords of the loads where they act, for engines that push bodies."""
+        """Return the point forces and cords of the loads at their points, for engines that apply forces to bodies."""
         found = [
             ActingForce(f.body, _point(pose, f), np.asarray(f.force_n, float), np.zeros((3, 3)))
             for f in loads.forces
@@ -207,7 +206,7 @@ class ChainStatics:
         return found
 
     def point_jacobian(self, pose: Pose, body: int, point_m: Array) -> Array:
-        """(3, n, a) velocity of a world point of a body per rate of the joint coordinates."""
+        """Return (3, n, a) velocity of a world point of a body per rate of the joint coordinates."""
         jacobian = np.zeros((3, *pose.directions.shape[::2]))
         moving = pose.directions[:body]
         if not self.geometry.turns:
@@ -221,11 +220,11 @@ class ChainStatics:
         return jacobian
 
     def effort(self, q: Array, loads: Loads) -> Array:
-        """(n, a) efforts of the laws less the end moment: what an engine applies at its joints."""
+        """Return (n, a) efforts of the laws minus the end moment, which an engine applies at its joints."""
         return self._with_moment(self.efforts.evaluate(q, loads.actuation, loads.memory).tau, loads)
 
     def potential(self, q: Array, loads: Loads) -> float:
-        """Total potential Π in J; its constant is arbitrary."""
+        """Return the total potential Π in J, up to a constant."""
         pose = self.geometry.forward(q)
         points = self._points(pose)
         work = float(np.einsum("ki,ki->", self._forces(loads), points))
@@ -252,7 +251,7 @@ class ChainStatics:
         return np.asarray(pose.origins[self._body] + arms)
 
     def _beyond(self, pose: Pose, loads: Loads) -> tuple[Array, Array, Array]:
-        """(moment (n, 3), force (n, 3), Σ r Fᵀ (n, 3, 3)) about each joint of the forces beyond it."""
+        """Return (moment (n, 3), force (n, 3), Σ r Fᵀ (n, 3, 3)) about each joint of the forces distal to it."""
         forces, points = self._forces(loads), self._points(pose)
         products = points[:, :, None] * forces[:, None, :]
         for acting in self.acting(pose, loads):
@@ -301,7 +300,7 @@ class ChainStatics:
         blocks = np.where(upper[:, None, :, None], blocks, blocks.transpose(2, 3, 0, 1))
         diagonal = blocks[joints, :, joints, :]
         if slide is not None:
-            diagonal[:, :, slide] = diagonal[:, slide]  # the block stands transposed here
+            diagonal[:, :, slide] = diagonal[:, slide]  # the block is transposed here
         blocks[joints, :, joints, :] = 0.5 * (diagonal + diagonal.transpose(0, 2, 1))
         return blocks.reshape(n * a, n * a)
 
@@ -314,7 +313,7 @@ class ChainStatics:
         return total
 
     def _own_slopes(self, q: Array, pose: Pose, moment: Array) -> Array:
-        """(n, a, a) Gᵀ ∂ω/∂q of each joint's own coordinates; a hinge has none."""
+        """Return (n, a, a) Gᵀ ∂ω/∂q of each joint's own coordinates; a hinge has none."""
         basis = self.geometry.basis
         seen = np.einsum("nij,ni->nj", pose.rest_frames, moment)
         slope = left_jacobian_transpose_slope(self.geometry.rotation_vectors(q), seen)
@@ -322,13 +321,13 @@ class ChainStatics:
 
 
 def _point(pose: Pose, load: PointForce | Cord) -> Array:
-    """(3,) where a load acts in the world."""
+    """Return (3,) the point of a load in the world."""
     point: Array = pose.origins[load.body] + pose.rotations[load.body] @ np.asarray(load.point_m, float)
     return point
 
 
 def unstable_mode(stiffness: Array) -> Array | None:
-    """(n·a,) the most negative mode of a stiffness; None in a stable state (none beyond rounding)."""
+    """Return (n·a,) the most negative mode of a stiffness; None in a stable state, within rounding."""
     symmetric = 0.5 * (stiffness + stiffness.T)
     try:
         np.linalg.cholesky(symmetric)

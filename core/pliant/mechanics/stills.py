@@ -1,4 +1,4 @@
-"""A scene and its state as shapes in the world: what a picture shows."""
+"""Shapes of a scene's state in the world frame, for pictures."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from pliant.records.scene import Scene, SceneState, SceneStill
 
 
 def still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
-    """All shapes where the state has them."""
+    """Return all shapes at their poses in the state."""
     arms = []
     for arm, q in zip(scene.arms, state.coordinates, strict=True):
-        pose = ChainGeometry.of(arm.chain).forward(q)
+        pose = ChainGeometry.from_chain(arm.chain).forward(q)
         origins = pose.origins + state.carriage_m
         bodies = zip(arm.chain.shapes, pose.rotations, origins, strict=True)
         arms.append(tuple(s.placed(turn, origin) for shapes, turn, origin in bodies for s in shapes))

@@ -11,7 +11,7 @@ import numpy as np
 
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
-from pliant.records.term import LawTerm, numbers_of
+from pliant.records.term import LawTerm, term_parameters
 
 # Half-width of the central difference for slopes, in rad or m.
 STEP = 1e-6
@@ -19,12 +19,12 @@ STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class TermMemory:
-    """What law terms know of the past.
+    """Memory of law terms.
 
     Attributes:
-        previous: (n, a) joint coordinates at the end of the step before.
+        previous: (n, a) joint coordinates at the end of the previous step.
         states: (n, a, states) their memory there.
-        dt_s: duration of the step to come; infinite where the next state is reached slowly.
+        dt_s: duration of the next step; infinite if the next state is reached slowly.
         temperature_c: during that step.
     """
 
@@ -35,17 +35,17 @@ class TermMemory:
 
     @staticmethod
     def at_rest(terms: Sequence[LawTerm], shape: tuple[int, int]) -> TermMemory:
-        """The memory of a virgin chain with n joints of a axes."""
+        """Return the memory of a virgin chain with n joints of a axes."""
         return TermMemory(np.zeros(shape), np.zeros((*shape, sum(term.n_states for term in terms))))
 
     def over(self, dt_s: float) -> TermMemory:
-        """The same past before a step of another duration."""
+        """Return the same memory before a step of another duration."""
         return replace(self, dt_s=dt_s)
 
 
 @dataclass(frozen=True, eq=False)
 class Contribution:
-    """Combined values of all terms, each (n, a): see `LawTerm` for how they enter the effort."""
+    """Combined values of all terms, each (n, a); `LawTerm` defines how they enter the effort."""
 
     moment: Array
     elastic: Array
@@ -54,7 +54,7 @@ class Contribution:
 
 
 def _spans(counts: Iterable[int]) -> list[slice]:
-    """Places of so many numbers each, one after another."""
+    """Return consecutive slices of the given lengths."""
     return [slice(*span) for span in pairwise(accumulate(counts, initial=0))]
 
 
@@ -65,19 +65,19 @@ class LawTerms:
         self.terms = tuple(terms)
         self.shape = shape
         self._spans = _spans(term.n_parameters for term in self.terms)
-        self._numbers = numbers_of(self.terms, shape[0])
+        self._numbers = term_parameters(self.terms, shape[0])
         self._states = _spans(term.n_states for term in self.terms)
 
     def rested(self) -> TermMemory:
-        """The memory of a virgin chain at rest."""
+        """Return the memory of a virgin chain at rest."""
         return TermMemory.at_rest(self.terms, self.shape)
 
     def contribution(self, q: Array, actuation: float | Array, memory: TermMemory) -> Contribution:
-        """Values at coordinates q (n, a) under a net actuation, one of all joints or (n,)."""
+        """Return the values at coordinates q (n, a) under a net actuation, common to all joints or (n,)."""
         return self._evaluate(q, actuation, memory)[0]
 
     def slopes(self, q: Array, actuation: float | Array, memory: TermMemory) -> Contribution:
-        """Their derivatives with respect to each joint's own coordinate, by central differences."""
+        """Return their derivatives by each joint's own coordinate, by central differences."""
         up = self.contribution(q + STEP, actuation, memory)
         down = self.contribution(q - STEP, actuation, memory)
         return Contribution(
@@ -85,7 +85,7 @@ class LawTerms:
         )
 
     def advance(self, q: Array, actuation: float | Array, memory: TermMemory) -> TermMemory:
-        """The memory after the step has ended at q (n, a)."""
+        """Return the memory after a step that ends at q (n, a)."""
         return replace(memory, previous=q.copy(), states=self._evaluate(q, actuation, memory)[1])
 
     def _evaluate(self, q: Array, actuation: float | Array, memory: TermMemory) -> tuple[Contribution, Array]:

@@ -1,7 +1,7 @@
-"""Cells of either kind: what is asked of a mesh without knowing whether it is of hexahedra or tetrahedra.
+"""Functions for cells of either kind, hexahedra or tetrahedra.
 
-A mesh has cells of one kind, told by their number of nodes: 27 (`hexahedra`) or 10 (`tetrahedra`); its faces have
-9 or 6.
+A mesh has cells of one kind, identified by their number of nodes: 27 (`hexahedra`) or 10 (`tetrahedra`); its faces
+have 9 or 6.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class CellKind:
     """One kind of quadratic cell.
 
     Attributes:
-        name: for people.
-        nodes: of a cell.
+        name: for messages.
+        nodes: number of nodes of a cell.
         faces: (k, nodes of a face) local nodes, normals out of a right-handed cell.
-        face_key: local nodes of a face that tell it from all others.
-        face_corners: local nodes of a face's corners, one after the other around it.
+        face_key: local nodes of a face that identify it.
+        face_corners: local nodes of a face's corners, in order around it.
         triangles: (t, 3) a face's nodes as plane triangles.
-        sample_points: reference points (q, 3) at which Jacobians are judged.
+        sample_points: reference points (q, 3) at which Jacobians are checked.
         shape_slopes, jacobians, quadrature, boundary_faces, face_quadrature: as in `hexahedra`.
     """
 
@@ -84,8 +84,8 @@ TETRAHEDRON = CellKind(
 KINDS = (HEXAHEDRON, TETRAHEDRON)
 
 
-def kind_of(cells: IntArray) -> CellKind:
-    """The kind of cells (m, 27) or (m, 10). Raises `ContractError` for others."""
+def cell_kind(cells: IntArray) -> CellKind:
+    """Return the kind of cells (m, 27) or (m, 10). Raises `ContractError` for others."""
     for kind in KINDS:
         if cells.ndim == 2 and cells.shape[1] == kind.nodes:
             return kind
@@ -94,8 +94,8 @@ def kind_of(cells: IntArray) -> CellKind:
     )
 
 
-def kind_of_faces(faces: IntArray) -> CellKind:
-    """The kind of cells that faces (f, 9) or (f, 6) belong to. Raises `ContractError` for others."""
+def face_cell_kind(faces: IntArray) -> CellKind:
+    """Return the kind of cells that faces (f, 9) or (f, 6) belong to. Raises `ContractError` for others."""
     for kind in KINDS:
         if faces.ndim == 2 and faces.shape[1] == kind.faces.shape[1]:
             return kind
@@ -103,49 +103,49 @@ def kind_of_faces(faces: IntArray) -> CellKind:
 
 
 def face_keys(faces: IntArray) -> IntArray:
-    """(f, k) what tells faces apart, whichever way round they are written."""
-    return np.sort(faces[:, kind_of_faces(faces).face_key], axis=1)
+    """Return (f, k) keys of faces, independent of their orientation."""
+    return np.sort(faces[:, face_cell_kind(faces).face_key], axis=1)
 
 
 def loose_edges(faces: IntArray) -> IntArray:
-    """(e, 2) node ids of the edges, by their corners, that belong to one of the faces only."""
-    corners = faces[:, kind_of_faces(faces).face_corners]
+    """Return (e, 2) corner node ids of the edges that belong to only one of the faces."""
+    corners = faces[:, face_cell_kind(faces).face_corners]
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     return np.asarray(unique[count == 1])
 
 
 def cell_volumes(nodes_m: Array, cells: IntArray) -> Array:
-    """Signed volumes (m,) in m³, exact."""
-    return np.asarray(kind_of(cells).quadrature(nodes_m, cells, 3)[1].sum(axis=1))
+    """Return signed volumes (m,) in m³, exact."""
+    return np.asarray(cell_kind(cells).quadrature(nodes_m, cells, 3)[1].sum(axis=1))
 
 
 def area_vectors(nodes_m: Array, faces: IntArray) -> Array:
-    """∫ n dA (f, 3) in m² over each face."""
-    _, normals = kind_of_faces(faces).face_quadrature(nodes_m, faces)
+    """Return ∫ n dA (f, 3) in m² over each face."""
+    _, normals = face_cell_kind(faces).face_quadrature(nodes_m, faces)
     return np.asarray(normals.sum(axis=1))
 
 
 def area_vector(nodes_m: Array, faces: IntArray) -> Array:
-    """∮ n dA (3,) in m² over faces: zero if they are closed."""
+    """Return ∮ n dA (3,) in m² over faces: zero if they are closed."""
     return np.asarray(area_vectors(nodes_m, faces).sum(axis=0))
 
 
 def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:
-    """∮ x·n dA / 3 in m³ over closed faces with normals outward: the divergence theorem."""
-    points, normals = kind_of_faces(faces).face_quadrature(nodes_m, faces)
+    """Return ∮ x·n dA / 3 in m³ over closed faces with normals outward: the divergence theorem."""
+    points, normals = face_cell_kind(faces).face_quadrature(nodes_m, faces)
     return float(np.einsum("fqi,fqi->", points, normals) / 3)
 
 
 def hollow_volume(nodes_m: Array, faces: IntArray, y0_m: float = 0.0) -> float:
-    """−∫ (y − y₀) n_y dA in m³ over a cavity's faces: its volume where planes of x, z or y = y₀ close it."""
-    points, normals = kind_of_faces(faces).face_quadrature(nodes_m, faces)
+    """Return −∫ (y − y₀) n_y dA in m³ over a cavity's faces: its volume if planes x, z or y = y₀ close it."""
+    points, normals = face_cell_kind(faces).face_quadrature(nodes_m, faces)
     return -float(np.sum((points[..., 1] - y0_m) * normals[..., 1]))
 
 
 def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Faces that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
-    return kind_of(cells).boundary_faces(cells)
+    """Return the faces that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
+    return cell_kind(cells).boundary_faces(cells)
 
 
 # A triangle's nodes as those of the square that collapses onto it, (a, b) → (a, b (1 − a)); 6 is the node at (½, ¼).
@@ -154,14 +154,14 @@ COLLAPSED = [0, 3, 1, 5, 6, 1, 2, 4, 1]
 
 @dataclass(frozen=True, eq=False)
 class SquareSkin:
-    """Faces of either kind as faces of 9 nodes, which is what pictures are drawn of.
+    """Faces of either kind as faces of 9 nodes, for pictures.
 
-    A quadratic triangle is exactly a square of 9 nodes with one collapsed edge; one of these nodes is none of its own.
+    A quadratic triangle is exactly a square of 9 nodes with one collapsed edge; one of these nodes is interpolated.
 
     Attributes:
-        nodes: (n,) node ids that are used.
-        own: (g, 6) places among them of each triangle's nodes; empty for hexahedra.
-        faces: (g, 9) places in what `values` gives.
+        nodes: (n,) used node ids.
+        own: (g, 6) indices into them of each triangle's nodes; empty for hexahedra.
+        faces: (g, 9) indices into the result of `values`.
     """
 
     nodes: IntArray
@@ -169,17 +169,17 @@ class SquareSkin:
     faces: IntArray
 
     @staticmethod
-    def of(skin: IntArray) -> SquareSkin:
-        """Of faces (g, 9) or (g, 6)."""
+    def from_faces(skin: IntArray) -> SquareSkin:
+        """Return the square skin of faces (g, 9) or (g, 6)."""
         nodes, places = np.unique(skin, return_inverse=True)
         own: IntArray = places.reshape(skin.shape).astype(np.int64)
-        if kind_of_faces(skin) is HEXAHEDRON:
+        if face_cell_kind(skin) is HEXAHEDRON:
             return SquareSkin(nodes, np.empty((0, 6), np.int64), own)
         extra = len(nodes) + np.arange(len(skin))[:, None]
         return SquareSkin(nodes, own, np.hstack([own, extra])[:, COLLAPSED])
 
     def values(self, nodal: Array) -> Array:
-        """Values at the points of `faces`, from those at all of the mesh's nodes (n, …)."""
+        """Return values at the points of `faces`, from those at all nodes of the mesh (n, …)."""
         kept = np.asarray(nodal[self.nodes])
         if not len(self.own):
             return kept

@@ -1,7 +1,7 @@
 """27-node hexahedra: node order, faces, shape functions, Gauss rules, volumes, boundary, divergence theorem.
 
-Local node i + 3j + 9k stands at (ξ, η, ζ) = (i, j, k)/2 of the unit cube; x(ξ) = Σ N_a(ξ) x_a is quadratic in each
-coordinate. Local node a + 3b of a face stands at (a, b)/2 of the unit square; its normal is ∂x/∂a × ∂x/∂b. `CENTRE` is
+Local node i + 3j + 9k is at (ξ, η, ζ) = (i, j, k)/2 of the unit cube; x(ξ) = Σ N_a(ξ) x_a is quadratic in each
+coordinate. Local node a + 3b of a face is at (a, b)/2 of the unit square; its normal is ∂x/∂a × ∂x/∂b. `CENTRE` is
 the local node in the middle of a cell, `FACE_CENTRE` that of a face.
 """
 
@@ -15,10 +15,10 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
 CENTRE = 13  # local node in the middle of a cell
-FACE_CENTRE = 4  # local node in the middle of a face; it belongs to no other face
+FACE_CENTRE = 4  # local node in the middle of a face, of that face only
 
 _LATTICE = np.arange(27).reshape(3, 3, 3)  # [k, j, i]
-# (6, 9) local nodes of the faces, the free axes in such an order that normals point out of a right-handed cell.
+# (6, 9) local nodes of the faces, with the free axes ordered so that normals point out of a right-handed cell.
 FACES: IntArray = np.stack(
     [
         _LATTICE[:, :, 0].T.ravel(),  # ξ = 0: a along ζ, b along η
@@ -32,38 +32,38 @@ FACES: IntArray = np.stack(
 
 
 def lagrange(s: Array) -> tuple[Array, Array]:
-    """Quadratic Lagrange polynomials with nodes 0, ½, 1 at s (q,), and their slopes: (q, 3) each."""
+    """Return quadratic Lagrange polynomials with nodes 0, ½, 1 at s (q,), and their slopes: (q, 3) each."""
     t = s[:, None]
     values = np.hstack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
     return values, np.hstack([4 * t - 3, 4 - 8 * t, 4 * t - 1])
 
 
 def shapes(points: Array) -> Array:
-    """N (q, 27) at reference points (q, 3)."""
+    """Return N (q, 27) at reference points (q, 3)."""
     return _product(*(lagrange(s)[0] for s in points.T))
 
 
 def shape_slopes(points: Array) -> Array:
-    """∂N/∂ξ (q, 27, 3) at reference points (q, 3)."""
+    """Return ∂N/∂ξ (q, 27, 3) at reference points (q, 3)."""
     (a, da), (b, db), (c, dc) = (lagrange(s) for s in points.T)
     return np.stack([_product(da, b, c), _product(a, db, c), _product(a, b, dc)], axis=-1)
 
 
 def _product(a: Array, b: Array, c: Array) -> Array:
-    """(q, 27) products of one-dimensional polynomials (q, 3), local node i + 3j + 9k."""
+    """Return (q, 27) products of one-dimensional polynomials (q, 3), local node i + 3j + 9k."""
     return np.einsum("qi,qj,qk->qkji", a, b, c).reshape(len(a), 27)
 
 
 @cache
 def gauss(order: int = 3) -> tuple[Array, Array]:
-    """Gauss points and weights (order,) on [0, 1], read-only: exact to degree 2 order − 1."""
+    """Return Gauss points and weights (order,) on [0, 1], read-only: exact to degree 2 order − 1."""
     node, weight = np.polynomial.legendre.leggauss(order)
     return _kept((node + 1) / 2), _kept(weight / 2)
 
 
 @cache
 def gauss_cube(order: int = 3) -> tuple[Array, Array]:
-    """Gauss points (order³, 3) and weights (order³,) of the unit cube, read-only."""
+    """Return Gauss points (order³, 3) and weights (order³,) of the unit cube, read-only."""
     point, weight = gauss(order)
     points = np.stack(np.meshgrid(point, point, point, indexing="ij"), axis=-1).reshape(-1, 3)
     return _kept(points), _kept(np.einsum("i,j,k->ijk", weight, weight, weight).ravel())
@@ -71,7 +71,7 @@ def gauss_cube(order: int = 3) -> tuple[Array, Array]:
 
 @cache
 def _cube_shapes(order: int) -> tuple[Array, Array]:
-    """N and ∂N/∂ξ at the Gauss points of the unit cube: a search meshes thousands of designs."""
+    """Return N and ∂N/∂ξ at the Gauss points of the unit cube, cached for searches with thousands of meshes."""
     points, _ = gauss_cube(order)
     return _kept(shapes(points)), _kept(shape_slopes(points))
 
@@ -82,19 +82,19 @@ def _kept(array: Array) -> Array:
 
 
 def sample_points() -> Array:
-    """Corners, Gauss points and centre of the unit cube, (36, 3): where Jacobians are judged."""
+    """Return corners, Gauss points and centre of the unit cube, (36, 3), at which Jacobians are checked."""
     corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     return np.concatenate([corners, gauss_cube()[0], [[0.5, 0.5, 0.5]]])
 
 
 def jacobians(nodes_m: Array, cells: IntArray, points: Array) -> Array:
-    """Determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 27) at reference points (q, 3)."""
+    """Return determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 27) at reference points (q, 3)."""
     return _determinants(nodes_m, cells, shape_slopes(points))
 
 
 def _determinants(nodes_m: Array, cells: IntArray, slopes: Array) -> Array:
     corners = nodes_m[cells].transpose(2, 0, 1).reshape(-1, 27)
-    # Products of matrices, component by component: ten times faster than one sum over all indices.
+    # Matrix products by component: ten times faster than one sum over all indices.
     (a, b, c), (d, e, f), (g, h, i) = (
         (corners @ slopes[:, :, j].T).reshape(3, len(cells), len(slopes)) for j in range(3)
     )
@@ -102,7 +102,7 @@ def _determinants(nodes_m: Array, cells: IntArray, slopes: Array) -> Array:
 
 
 def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, Array]:
-    """Gauss points (m, q, 3) in m and their signed volumes (m, q) in m³, negative where a cell is inverted.
+    """Return Gauss points (m, q, 3) in m and their signed volumes (m, q) in m³, negative in inverted cells.
 
     The determinant is of degree 5 in each coordinate: order 3 integrates 1 exactly, order 4 positions, order 5
     products of two positions.
@@ -112,12 +112,12 @@ def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, 
 
 
 def cell_volumes(nodes_m: Array, cells: IntArray) -> Array:
-    """Signed volumes (m,) in m³, exact."""
+    """Return signed volumes (m,) in m³, exact."""
     return np.asarray(quadrature(nodes_m, cells)[1].sum(axis=1))
 
 
 def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Faces (g, 9) that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
+    """Return faces (g, 9) that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
     faces = cells[:, FACES].reshape(-1, 9)
     _, first, count = np.unique(faces[:, FACE_CENTRE], return_index=True, return_counts=True)
     chosen = np.sort(first[count == 1])
@@ -125,19 +125,19 @@ def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def area_vector(nodes_m: Array, faces: IntArray) -> Array:
-    """∮ n dA (3,) in m² over faces (f, 9): zero if they are closed."""
+    """Return ∮ n dA (3,) in m² over faces (f, 9): zero if they are closed."""
     _, normals = face_quadrature(nodes_m, faces)
     return np.asarray(normals.sum(axis=(0, 1)))
 
 
 def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:
-    """∮ x·n dA / 3 in m³ over closed faces (f, 9) with normals outward: the divergence theorem."""
+    """Return ∮ x·n dA / 3 in m³ over closed faces (f, 9) with normals outward: the divergence theorem."""
     points, normals = face_quadrature(nodes_m, faces)
     return float(np.einsum("fqi,fqi->", points, normals) / 3)
 
 
 def face_quadrature(nodes_m: Array, faces: IntArray) -> tuple[Array, Array]:
-    """Gauss points (f, 9, 3) and n dA (f, 9, 3); x·n dA is of degree 5 in each coordinate, hence exact."""
+    """Return Gauss points (f, 9, 3) and n dA (f, 9, 3); x·n dA is of degree 5 in each coordinate, hence exact."""
     point, weight = gauss(3)
     value, slope = lagrange(point)
     corner = nodes_m[faces].reshape(-1, 3, 3, 3)  # [face, b, a, component]

@@ -1,4 +1,4 @@
-"""Masses of a module from the mesh of the piece that is solved, and from mirror images."""
+"""Masses of a module from the mesh of the solved piece and its mirror images."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.meshing.cells import kind_of
+from pliant.meshing.cells import cell_kind
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleMesh
 
@@ -19,16 +19,16 @@ ORDER = 5  # Gauss rule that integrates second moments of quadratic cells exactl
 def half_masses(
     mesh: ModuleMesh, density_kg_m3: float, mirror_y: bool = True, regions: Mapping[str, float] = UNIFORM
 ) -> ModuleMass:
-    """Masses of a module whose solved piece is its `end` half, x ∈ [0, l/2], cut by the mirror plane y = 0.
+    """Return the masses of a module whose solved piece is its `end` half, x ∈ [0, l/2], cut by y = 0.
 
-    The `start` half is the mirror image in x = 0. Masses are those of the meshed solid, exact but for rounding:
-    on curved walls, the finer the mesh the nearer to the design's.
+    The `start` half is the mirror image in x = 0. Masses are those of the meshed solid, exact up to rounding; on curved
+    walls they converge to the design's with the mesh.
 
     Args:
         mesh: the piece, in the module frame with the origin at the joint.
         density_kg_m3: of the solid.
-        mirror_y: whether the piece is half the width, y ≥ 0 or y ≤ 0; False if it is the whole.
-        regions: densities of regions of the mesh that have one of their own.
+        mirror_y: whether the piece is half the width, y ≥ 0 or y ≤ 0; False for the whole width.
+        regions: densities of regions of the mesh that differ from the body's.
     """
     end = meshed_mass(mesh, density_kg_m3, regions)
     if mirror_y:
@@ -37,7 +37,7 @@ def half_masses(
 
 
 def mirrored(piece: MassProperties, axis: int) -> MassProperties:
-    """The piece's mirror image in the plane through the origin across axis 0, 1, 2 = x, y, z."""
+    """Return the piece's mirror image in the plane through the origin across axis 0, 1, 2 = x, y, z."""
     signs = np.ones(3)
     signs[axis] = -1.0
     return piece.rotated(np.diag(signs))
@@ -46,11 +46,11 @@ def mirrored(piece: MassProperties, axis: int) -> MassProperties:
 def meshed_mass(
     mesh: ModuleMesh, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM
 ) -> MassProperties:
-    """Mass, centre and inertia of the meshed solid itself, exact for its quadratic cells.
+    """Return mass, centre and inertia of the meshed solid, exact for its quadratic cells.
 
-    `regions` are densities by region. Raises `ContractError` for one that the mesh does not have.
+    `regions` are densities by region. Raises `ContractError` for a region that the mesh does not have.
     """
-    return _of_points(*_points(mesh, density_kg_m3, regions))
+    return _point_mass_properties(*_points(mesh, density_kg_m3, regions))
 
 
 def split_masses(
@@ -60,22 +60,22 @@ def split_masses(
     mirror_y: bool = True,
     regions: Mapping[str, float] = UNIFORM,
 ) -> ModuleMass:
-    """Masses of a whole module, x from 0 to span, about the joint in its middle.
+    """Return the masses of a whole module, x from 0 to span, about the joint in its middle.
 
-    Together they are exact; a cell that the joint's plane crosses is shared out by its quadrature points.
+    Their sum is exact; a cell crossed by the joint's plane is divided by its quadrature points.
     """
     x, dm = _points(mesh, density_kg_m3, regions)
     x = x - np.array([span_m / 2, 0.0, 0.0])
     ahead = x[:, 0] >= 0
-    halves = [_of_points(x[chosen], dm[chosen]) for chosen in (~ahead, ahead)]
+    halves = [_point_mass_properties(x[chosen], dm[chosen]) for chosen in (~ahead, ahead)]
     if mirror_y:
         halves = [half.joined(mirrored(half, 1)) for half in halves]
     return ModuleMass(*halves)
 
 
 def _points(mesh: ModuleMesh, density_kg_m3: float, regions: Mapping[str, float]) -> tuple[Array, Array]:
-    """Quadrature points (n, 3) in m and their masses (n,) in kg."""
-    point, volume = kind_of(mesh.cells).quadrature(mesh.nodes_m, mesh.cells, ORDER)
+    """Return quadrature points (n, 3) in m and their masses (n,) in kg."""
+    point, volume = cell_kind(mesh.cells).quadrature(mesh.nodes_m, mesh.cells, ORDER)
     density = np.full((len(mesh.cells), 1), density_kg_m3)
     for name, own in regions.items():
         if name not in mesh.regions:
@@ -87,8 +87,8 @@ def _points(mesh: ModuleMesh, density_kg_m3: float, regions: Mapping[str, float]
     return point.reshape(-1, 3), (density * volume).ravel()
 
 
-def _of_points(x: Array, dm: Array) -> MassProperties:
-    """Of masses dm (n,) at points x (n, 3)."""
+def _point_mass_properties(x: Array, dm: Array) -> MassProperties:
+    """Return the mass properties of point masses dm (n,) at x (n, 3)."""
     mass = float(dm.sum())
     com = dm @ x / mass
     arm = x - com

@@ -1,4 +1,4 @@
-"""A mesher's solid cells as the mesh of a piece that is solved."""
+"""Mesh of a solved piece from a mesher's solid cells."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pliant.meshing.raising import SOLID, as_quadratic, other_handed
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 
-ON_PLANE = 1e-6  # of the span: a mesher's rounding
+ON_PLANE = 1e-6  # of the span: rounding of a mesher
 Wet = Callable[[Array], NDArray[np.bool_]]
 
 
@@ -26,17 +26,17 @@ def piece_mesh(
     wet: Wet | Mapping[str, Wet],
     pin_m: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> ModuleMesh:
-    """The mesh of a piece from a mesher's solid cells: quadratic, right-handed, with its skin, cavity and node sets.
+    """Return the mesh of a piece from a mesher's solid cells: quadratic, right-handed, with skin, cavity, node sets.
 
     Args:
-        nodes_m: (n, 3) in the module frame; those that no cell uses are left out, nodes next to an end section
-            (1e-6 of the span) are put on it, as are those next to y = 0.
-        kind: what meshio calls the cells, one of `raising.SOLID`.
-        cells: (m, …) node ids in VTK's order, of either hand.
-        span_m: the piece reaches from x = 0 to there.
-        wet: which outer faces bound the cavity, by their middles (g, 3); of several pressures a function of each, by
-            its name. Faces on end sections and on y = 0, where the module goes on, are left out by themselves.
-        pin_m: the node of the start section that is nearest to it is the node set `pin`.
+        nodes_m: (n, 3) in the module frame; unused nodes are omitted; nodes within 1e-6 of the span of an end section
+            or of y = 0 are moved onto it.
+        kind: meshio's name of the cells, one of `raising.SOLID`.
+        cells: (m, …) node ids in VTK's order, of either orientation.
+        span_m: the piece extends from x = 0 to this length.
+        wet: selects the outer faces that bound the cavity by their middles (g, 3); for several pressures a function
+            for each, by its name. Faces on end sections and on y = 0, where the module continues, are omitted.
+        pin_m: the closest node of the start section is the node set `pin`.
 
     Raises:
         ContractError: cells of a kind that cannot be solved.

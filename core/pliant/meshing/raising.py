@@ -1,6 +1,6 @@
-"""Cells of files and meshers as the quadratic ones that are solved: nodes in the middles added, orders changed.
+"""Conversion of cells of files and meshers to quadratic cells: midpoint nodes are added and nodes reordered.
 
-Names of cells and orders of their nodes are VTK's, which meshio gives whatever the file's format.
+Names of cells and node orders are VTK's, which meshio provides for every file format.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ HEX_EDGES = (
     (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1),
 )  # fmt: skip
 HEX_FACES = ((0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2))
-# Lexicographic place of each of VTK's 27 nodes.
+# Lexicographic index of each of VTK's 27 nodes.
 VTK_ORDER: IntArray = np.array([*HEX_CORNERS, *HEX_EDGES, *HEX_FACES, (1, 1, 1)], np.int64) @ np.array(
     [1, 3, 9]
 )
-# Nodes of each kind of solid cell that can be solved.
+# Number of nodes of each supported kind of solid cell.
 SOLID = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27}
 
 
 def as_quadratic(nodes_m: Array, kind: str, cells: IntArray) -> tuple[Array, IntArray]:
-    """Nodes (the old ones first) and cells (m, 10) or (m, 27) of cells of one of the kinds of `SOLID`.
+    """Return nodes (the given ones first) and cells (m, 10) or (m, 27) from cells of one of the kinds of `SOLID`.
 
-    First-order cells keep their straight edges; the middles of a 20-node cell's faces are those of its own shape.
+    First-order cells keep straight edges; the face centres of a 20-node cell follow from its shape functions.
     """
     if kind == "tetra":
         return tetrahedra.raised(nodes_m, cells)
@@ -51,7 +51,7 @@ def as_quadratic(nodes_m: Array, kind: str, cells: IntArray) -> tuple[Array, Int
 
 
 def _keys(corners: IntArray, missing: IntArray) -> IntArray:
-    """(m, missing, 8) ids of the corners that each missing node stands between, ascending, −1 in front."""
+    """Return (m, missing, 8) ids of the corners around each missing node, ascending, with leading −1."""
     lattice = np.array(HEX_CORNERS)
     keys = np.full((len(corners), len(missing), 8), -1, np.int64)
     for column, place in enumerate(missing.tolist()):
@@ -62,7 +62,7 @@ def _keys(corners: IntArray, missing: IntArray) -> IntArray:
 
 
 def _weights(given: int) -> Array:
-    """(27, given) values at the lattice's nodes of a cell's own shape functions (of 8 or 20 nodes, VTK's order)."""
+    """Return (27, given) values of a cell's shape functions (8 or 20 nodes, VTK's order) at the lattice's nodes."""
     lattice = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)]) / 2 * 2 - 1.0
     corners, edges = np.array(HEX_CORNERS) - 1.0, np.array(HEX_EDGES) - 1.0
     linear = np.prod(1 + lattice[:, None] * corners, axis=-1) / 8
@@ -76,12 +76,12 @@ def _weights(given: int) -> Array:
 
 
 def mirrored_y(nodes_m: Array, cells: IntArray) -> tuple[Array, IntArray]:
-    """The mirror image in y = 0, cells still right-handed."""
+    """Return the mirror image in y = 0, cells still right-handed."""
     return nodes_m * np.array([1.0, -1.0, 1.0]), other_handed(cells)
 
 
 def other_handed(cells: IntArray) -> IntArray:
-    """The same cells (m, 10) or (m, 27), their nodes the other way round."""
+    """Return the same cells (m, 10) or (m, 27) with the opposite orientation."""
     if cells.shape[1] == 10:
         return cells[:, [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]]
     return cells[:, np.arange(27).reshape(3, 3, 3)[:, :, ::-1].ravel()]

@@ -1,7 +1,7 @@
-"""Whether a family's problem means what it should: what is wrong with its mesh and supports, in sentences.
+"""Checks of a family's problem, which describe errors in its mesh and supports in sentences.
 
-Each function yields what it finds, the first cause first. The conformance suite asks all of them, the FEM stage those
-of `found_wrong` before it solves anything: a cavity with a hole would be solved, and give a module that is too stiff.
+Each function yields its findings, the first cause first. The conformance suite calls all of them; the FEM stage calls
+those of `found_wrong` before the solution, since a cavity with a hole would give a module that is too stiff.
 """
 
 from __future__ import annotations
@@ -18,24 +18,23 @@ from pliant.meshing.cells import (
     area_vector,
     area_vectors,
     boundary_faces,
+    cell_kind,
     cell_volumes,
     enclosed_volume,
     face_keys,
     hollow_volume,
-    kind_of,
     loose_edges,
 )
-from pliant.records.actuation import is_known
-from pliant.records.actuation import kind_of as actuation_kind
+from pliant.records.actuation import actuation_kind, is_known
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh, ModuleProblem
 
-NEAR = 1e-7  # of the span or the body's size: what lies on a plane or coincides
-FEW = 3  # places that a sentence names
+NEAR = 1e-7  # of the span or the body's size: tolerance for planes and coincident points
+FEW = 3  # largest number of places that a sentence names
 
 
 def found_wrong(problem: ModuleProblem) -> str:
-    """The first thing for which the problem cannot be solved as it is meant; empty where there is none."""
+    """Return the first error that prevents a valid solution of the problem, else ""."""
     findings = chain(
         *(of(problem.mesh) for of in (cells_found, nodes_found)),
         *(of(problem) for of in (ends_found, links_found, supports_found, cavities_found, hollows_found)),
@@ -44,10 +43,10 @@ def found_wrong(problem: ModuleProblem) -> str:
 
 
 def cells_found(mesh: ModuleMesh) -> Iterator[str]:
-    """Cells of no kind that is known, inverted or collapsed ones."""
+    """Yield errors of cells: an unknown kind, inverted or collapsed ones."""
     nodes, cells = mesh.nodes_m, mesh.cells
     try:
-        kind = kind_of(cells)
+        kind = cell_kind(cells)
     except ContractError as error:
         yield str(error)
         return
@@ -64,7 +63,7 @@ def cells_found(mesh: ModuleMesh) -> Iterator[str]:
 
 
 def nodes_found(mesh: ModuleMesh) -> Iterator[str]:
-    """Nodes that belong to no cell."""
+    """Yield nodes that belong to no cell."""
     used, count = np.unique(mesh.cells), len(mesh.nodes_m)
     if len(used) and (used[0] < 0 or used[-1] >= count):
         yield f"cells name nodes {used[0]} to {used[-1]}, and there are {count}"
@@ -73,7 +72,7 @@ def nodes_found(mesh: ModuleMesh) -> Iterator[str]:
 
 
 def body_found(mesh: ModuleMesh) -> Iterator[str]:
-    """Cracks, and a skin that is not the body's."""
+    """Yield cracks, and a skin that is not the body's."""
     size = float(np.ptp(mesh.nodes_m, axis=0).max())
     count = len(mesh.nodes_m)
     double = count - len(np.unique(np.round(mesh.nodes_m / (NEAR * size)).astype(np.int64), axis=0))
@@ -89,7 +88,7 @@ def body_found(mesh: ModuleMesh) -> Iterator[str]:
 
 
 def cavities_found(problem: ModuleProblem) -> Iterator[str]:
-    """Cavities whose faces are absent, inside the solid, turned over, or not shared out among several pressures."""
+    """Yield cavities whose faces are missing, inside the solid, reversed, or not divided among several pressures."""
     mesh, pressures = problem.mesh, _pressures(problem)
     if not pressures:
         if len(mesh.cavity):
@@ -104,7 +103,7 @@ def cavities_found(problem: ModuleProblem) -> Iterator[str]:
 
 
 def hollows_found(problem: ModuleProblem) -> Iterator[str]:
-    """Cavities that leak, lie on a plane where the module goes on, or go around the solid."""
+    """Yield cavities that leak, have faces on a plane where the module continues, or enclose the solid."""
     mesh, pressures = problem.mesh, _pressures(problem)
     if not pressures or not len(mesh.cavity):
         return
@@ -128,7 +127,7 @@ def _pressures(problem: ModuleProblem) -> list[str]:
 
 
 def _parts_found(mesh: ModuleMesh, pressures: Sequence[str]) -> Iterator[str]:
-    """Whether `cavities` are `cavity`, shared out."""
+    """Yield an error unless `cavities` divide the faces of `cavity`."""
     for name in pressures:
         if not len(mesh.cavities.get(name, ())):
             yield f"'{name}' has no faces in `mesh.cavities`"
@@ -139,7 +138,7 @@ def _parts_found(mesh: ModuleMesh, pressures: Sequence[str]) -> Iterator[str]:
 
 
 def _faces_found(mesh: ModuleMesh) -> Iterator[str]:
-    """Cavity faces that are no outer faces of the solid, or look into it."""
+    """Yield cavity faces that are not outer faces of the solid, or point into it."""
     faces = boundary_faces(mesh.cells)[0]
     outer, own = face_keys(faces), face_keys(mesh.cavity)
     unique, place = np.unique(np.concatenate([outer, own]), axis=0, return_inverse=True)
@@ -164,7 +163,7 @@ def _hollow_found(
     linked: NDArray[np.bool_],
     name: str,
 ) -> Iterator[str]:
-    """Whether faces and the planes where the module goes on enclose a hollow; `linked` nodes (n,) have partners."""
+    """Yield an error unless faces and planes where the module continues enclose a hollow; `linked`: (n,) nodes."""
     for plane in planes:
         inside = np.flatnonzero(plane.nodes[faces].all(axis=1))
         if len(inside):
@@ -188,7 +187,7 @@ def _hollow_found(
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane across an axis in which the module goes on beyond the piece, and which nodes (n,) lie in it."""
+    """A plane across an axis where the module continues beyond the piece, and which nodes (n,) are in it."""
 
     axis: int
     place_m: float
@@ -199,7 +198,7 @@ class Plane:
 
 
 def _planes(problem: ModuleProblem) -> list[Plane]:
-    """End sections, and the planes that hold the nodes of a set in their place: those of symmetry."""
+    """Return the end sections and the symmetry planes, in which the nodes of a set are fixed."""
     x, near = problem.mesh.nodes_m, NEAR * problem.span_m
     places = [(0, 0.0), (0, problem.span_m)]
     for name, components in problem.fixed.items():
@@ -211,7 +210,7 @@ def _planes(problem: ModuleProblem) -> list[Plane]:
 
 
 def _linked(problem: ModuleProblem) -> NDArray[np.bool_]:
-    """(n,) nodes that move as others do, where a piece meets its image."""
+    """Return (n,) whether a node is linked to another one, where a piece meets its image."""
     found = np.zeros(len(problem.mesh.nodes_m), bool)
     for link in problem.links:
         found[link.first] = found[link.second] = True
@@ -219,7 +218,7 @@ def _linked(problem: ModuleProblem) -> NDArray[np.bool_]:
 
 
 def ends_found(problem: ModuleProblem) -> Iterator[str]:
-    """Whether node sets `start` and `end` hold exactly the nodes of the planes x = 0 and x = span."""
+    """Yield an error unless node sets `start` and `end` are exactly the nodes of the planes x = 0 and x = span."""
     x, span, near = problem.mesh.nodes_m[:, 0], problem.span_m, NEAR * problem.span_m
     if abs(x.min()) > near or abs(x.max() - span) > near:
         yield f"the mesh reaches from x = {x.min():.6g} to {x.max():.6g} m, the piece from 0 to {span:.6g} m"
@@ -233,7 +232,7 @@ def ends_found(problem: ModuleProblem) -> Iterator[str]:
 
 
 def supports_found(problem: ModuleProblem) -> Iterator[str]:
-    """Whether `fixed`, `tied` and `links` name existing nodes, hold the end sections and leave no rigid motion."""
+    """Yield errors unless `fixed`, `tied` and `links` name existing nodes, and fix end sections and rigid motions."""
     sets = problem.mesh.node_sets
     missing = [
         name
@@ -260,7 +259,7 @@ def supports_found(problem: ModuleProblem) -> Iterator[str]:
 
 
 def _held_motions(problem: ModuleProblem) -> Array:
-    """What each support says of a rigid motion (shift, turn · size) of v, (rows, 6): zero for the motions it allows."""
+    """Return the constraints of the supports on a rigid motion (shift, rotation · size) of v, (rows, 6)."""
     mesh = problem.mesh
     x = mesh.nodes_m - mesh.nodes_m.mean(axis=0)
     x = x / np.ptp(mesh.nodes_m, axis=0).max()
@@ -281,7 +280,7 @@ def _held_motions(problem: ModuleProblem) -> Array:
 
 
 def links_found(problem: ModuleProblem) -> Iterator[str]:
-    """Links that do not pair nodes one to one, and ribbons without width or stiffness."""
+    """Yield links that do not pair nodes one to one, and ribbons without width or stiffness."""
     n = len(problem.mesh.nodes_m)
     for number, link in enumerate(problem.links):
         first, second = np.asarray(link.first), np.asarray(link.second)
@@ -301,4 +300,4 @@ def links_found(problem: ModuleProblem) -> Iterator[str]:
 
 
 def _place(point: Array) -> str:
-    return "({:.4g}, {:.4g}, {:.4g})".format(*(np.round(point, 12) + 0.0))  # no −0, no rounding as a place
+    return "({:.4g}, {:.4g}, {:.4g})".format(*(np.round(point, 12) + 0.0))  # without −0 and rounding

@@ -13,13 +13,13 @@ from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 
-SAME = 1e-6  # of the body's size: nodes nearer than this are one
+SAME = 1e-6  # of the body's size: closer nodes are merged
 _CELL = np.arange(27).reshape(3, 3, 3)
 _FACE = np.arange(9).reshape(3, 3)
 
 
 def mirrored_mesh(mesh: ModuleMesh) -> ModuleMesh:
-    """The mirror image in x = 0; cells stay right-handed, normals keep their sides."""
+    """Return the mirror image in x = 0; cells stay right-handed, normals stay on their sides."""
     cells = mesh.cells[:, _CELL[:, :, ::-1].ravel()]
     cavity, skin = (faces[:, _FACE[:, ::-1].ravel()] for faces in (mesh.cavity, mesh.skin))
     sets = {**mesh.node_sets}
@@ -28,14 +28,14 @@ def mirrored_mesh(mesh: ModuleMesh) -> ModuleMesh:
 
 
 def moved_mesh(mesh: ModuleMesh, along_x_m: float) -> ModuleMesh:
-    """The mesh moved along x."""
+    """Return the mesh translated along x."""
     return replace(mesh, nodes_m=mesh.nodes_m + np.array([along_x_m, 0.0, 0.0]))
 
 
 def welded_meshes(pieces: Sequence[ModuleMesh]) -> ModuleMesh:
-    """Pieces that meet as one body: equal nodes become one, inner faces disappear from the skin.
+    """Weld adjacent pieces to one body: equal nodes are merged, inner faces are removed from the skin.
 
-    Of the node sets only `symmetry` survives; the caller names the others. Regions of one name become one.
+    Only the node set `symmetry` is kept; the caller defines the others. Regions of the same name are merged.
     """
     nodes = np.concatenate([piece.nodes_m for piece in pieces])
     grid = SAME * float(np.ptp(nodes, axis=0).max())
@@ -58,7 +58,7 @@ def welded_meshes(pieces: Sequence[ModuleMesh]) -> ModuleMesh:
 
 
 def _joined_regions(pieces: Sequence[ModuleMesh]) -> dict[str, IntArray]:
-    """The pieces' regions by name, cells numbered through."""
+    """Return the pieces' regions by name, with consecutive cell numbers."""
     starts = np.cumsum([0] + [len(piece.cells) for piece in pieces[:-1]])
     names = dict.fromkeys(name for piece in pieces for name in piece.regions)
     return {
@@ -70,7 +70,7 @@ def _joined_regions(pieces: Sequence[ModuleMesh]) -> dict[str, IntArray]:
 
 
 def stacked(half: ModuleMesh, span_m: float, modules: int) -> ModuleMesh:
-    """Modules in a row from x = 0: each is the mesh of its end half, x ∈ [0, span], and that one's mirror image."""
+    """Return modules in series from x = 0: each is the mesh of its end half, x ∈ [0, span], and its mirror image."""
     if modules < 1:
         raise ContractError(f"a stack needs at least one module, not {modules}")
     pieces = []
@@ -81,7 +81,7 @@ def stacked(half: ModuleMesh, span_m: float, modules: int) -> ModuleMesh:
 
 
 def capped(body: ModuleMesh, at_x_m: float, thickness_m: float, layers: int = 1) -> ModuleMesh:
-    """The body with its open end at x closed by a plate: its end section and the tube's hole, extruded along x.
+    """Return the body with its open end at x closed by a plate: end section and hole of the tube, extruded along x.
 
     The hole's rim must be an arc from the plane y = 0 back to it. The inner face of the plate joins the cavity.
     """
@@ -96,20 +96,20 @@ def capped(body: ModuleMesh, at_x_m: float, thickness_m: float, layers: int = 1)
     flat = np.concatenate([body.nodes_m[used][:, 1:], disc])
     quads = np.concatenate([faces.reshape(section.shape), disc_faces + len(used)]).astype(np.int64)
     plate = _extruded(flat, quads, at_x_m, thickness_m, layers)
-    # the disc's face towards the tube looks along −x, out of the plate and into the cavity
+    # the disc's face towards the tube points along −x, out of the plate into the cavity
     inner = (disc_faces + len(used))[:, _FACE.T.ravel()]
     sets = {"symmetry": np.flatnonzero(np.abs(plate.nodes_m[:, 1]) < tolerance)}
     return welded_meshes([body, replace(plate, cavity=inner, node_sets=sets)])
 
 
 def _ordered(points: Array) -> IntArray:
-    """Order of the rim's points (y, z) from the bottom over y > 0 to the top."""
+    """Return the order of the rim's points (y, z) from the bottom over y > 0 to the top."""
     middle = (points[:, 1].min() + points[:, 1].max()) / 2
     return np.argsort(np.arctan2(points[:, 0], middle - points[:, 1])).astype(np.int64)
 
 
 def _extruded(flat: Array, quads: IntArray, x_m: float, thickness_m: float, layers: int) -> ModuleMesh:
-    """Cells over quadrilaterals (f, 9) in the plane (y, z); the first layer of nodes keeps its numbers."""
+    """Return cells over quadrilaterals (f, 9) in the plane (y, z); the first layer of nodes keeps its numbers."""
     lines = np.linspace(x_m, x_m + thickness_m, 2 * layers + 1)
     n = len(flat)
     nodes = np.column_stack([np.repeat(lines, n), np.tile(flat, (len(lines), 1))])
@@ -122,7 +122,7 @@ def _extruded(flat: Array, quads: IntArray, x_m: float, thickness_m: float, laye
 
 
 def _facing_x(flat: Array, quads: IntArray) -> IntArray:
-    """The quadrilaterals with their normals along +x, so that extruded cells are right-handed (ξ, η in the plane)."""
+    """Orient the quadrilaterals' normals along +x, so that extruded cells are right-handed (ξ, η in the plane)."""
     corner, along_a, along_b = (flat[quads[:, node]] for node in (0, 2, 6))
     a, b = along_a - corner, along_b - corner
     turned = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] < 0
@@ -135,12 +135,12 @@ INNER = 0.55  # size of the inner block, as a share of the ring's
 
 
 def half_disc(ring: Array) -> tuple[Array, IntArray]:
-    """Nodes (m, 2) and faces (f, 9) of the half disc in a ring (2n + 1, 2) of points (y, z), n ≥ 3.
+    """Return nodes (m, 2) and faces (f, 9) of the half disc in a ring (2n + 1, 2) of points (y, z), n ≥ 3.
 
-    The ring's arc runs from y = 0 over y > 0 back to y = 0. An inner block of a × b elements takes the middle, one
-    layer of a + b + a = n elements joins it to the ring: no element degenerates at the centre.
+    The ring's arc goes from y = 0 over y > 0 back to y = 0. An inner block of a × b elements fills the middle, and one
+    layer of a + b + a = n elements joins it to the ring, so that no element degenerates at the centre.
 
-    The first 2n + 1 nodes are the ring's. Faces are oriented as the ring runs: ∂/∂a × ∂/∂b along +x for a ring from
+    The first 2n + 1 nodes are the ring's. Faces are oriented as the ring: ∂/∂a × ∂/∂b along +x for a ring from
     the bottom (−z) over +y to the top.
     """
     elements = (len(ring) - 1) // 2
@@ -163,7 +163,7 @@ def half_disc(ring: Array) -> tuple[Array, IntArray]:
 
 
 def _inner_block(ring: Array, a: int, b: int) -> Array:
-    """Points [i, j, 2] of the inner block: i from y = 0 outwards (2a + 1), j upwards (2b + 1)."""
+    """Return points [i, j, 2] of the inner block: i from y = 0 outwards (2a + 1), j upwards (2b + 1)."""
     corners = ring[[0, 2 * a, 2 * (a + b), -1]]
     centre = (ring[0] + ring[-1]) / 2
     bottom, right_low, right_high, top = centre + INNER * (corners - centre)

@@ -17,10 +17,10 @@ TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribu
 
 
 def read_stl(path: Path, scale: float = 1.0) -> TriangleMesh:
-    """The triangles of a file, equal corners made one; its lengths times `scale` are metres.
+    """Return the triangles of a file with equal corners merged; its lengths times `scale` are metres.
 
     Raises:
-        UserError: no such file, no STL, or no triangles in it.
+        UserError: the file does not exist, is not an STL, or has no triangles.
     """
     require_there(path, f"surface '{path}'")
     raw = path.read_bytes()
@@ -40,7 +40,7 @@ def read_stl(path: Path, scale: float = 1.0) -> TriangleMesh:
 
 
 def write_stl(surface: TriangleMesh, path: Path, scale: float = 1.0) -> None:
-    """A binary file; its lengths are metres times `scale` (1000 for programs that read millimetres)."""
+    """Write a binary file; its lengths are metres times `scale` (1000 for programs that read millimetres)."""
     records = np.zeros(len(surface.faces), TRIANGLE)
     corners = scale * surface.vertices_m[surface.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -52,7 +52,7 @@ def write_stl(surface: TriangleMesh, path: Path, scale: float = 1.0) -> None:
 
 
 def _binary(raw: bytes) -> Array | None:
-    """Corners (n, 3, 3) of a binary file; None where the length does not fit the count."""
+    """Return corners (n, 3, 3) of a binary file; None if its length does not match the count."""
     if len(raw) < HEAD:
         return None
     count = int(np.frombuffer(raw, "<u4", 1, 80)[0])
@@ -62,7 +62,7 @@ def _binary(raw: bytes) -> Array | None:
 
 
 def _text(raw: bytes) -> Array | None:
-    """Corners (n, 3, 3) of a text file; None where it is none."""
+    """Return corners (n, 3, 3) of a text file; None if it is not a text STL."""
     if raw.lstrip()[:5].lower() != b"solid":
         return None
     words = [line.split() for line in raw.decode("utf-8", errors="replace").splitlines()]

@@ -1,4 +1,4 @@
-"""Surfaces and collision shapes: a module's from the mesh of the piece that is solved; shapes merged and stretched."""
+"""Surfaces and collision shapes of a module from the mesh of the solved piece; merging and stretching of shapes."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pliant.meshing.cells import kind_of_faces
+from pliant.meshing.cells import face_cell_kind
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant.records.shape import HalfShapes, HalfSurfaces, Shape, TriangleMesh
 
 
 def half_skins(mesh: ModuleMesh, mirror_y: bool = True) -> HalfSurfaces:
-    """The skin of the meshed piece and its mirror images in y = 0 (if `mirror_y`) and x = 0."""
-    faces = mesh.skin[:, kind_of_faces(mesh.skin).triangles].reshape(-1, 3)
+    """Return the skin of the meshed piece and its mirror images in y = 0 (if `mirror_y`) and x = 0."""
+    faces = mesh.skin[:, face_cell_kind(mesh.skin).triangles].reshape(-1, 3)
     if mirror_y:
         # Faces on the mirror plane are inside the whole module.
         faces = faces[np.abs(mesh.nodes_m[faces, 1]).max(axis=1) > 1e-9]
@@ -27,14 +27,14 @@ def half_skins(mesh: ModuleMesh, mirror_y: bool = True) -> HalfSurfaces:
 
 
 def split_skins(mesh: ModuleMesh, span_m: float, mirror_y: bool = True) -> HalfSurfaces:
-    """The skin of a mesh of a whole module, x from 0 to span, cut at the joint in its middle."""
+    """Return the skin of a mesh of a whole module, x from 0 to span, cut at the joint in its middle."""
     end = half_skins(mesh, mirror_y).end
     whole = TriangleMesh(end.vertices_m - np.array([span_m / 2, 0.0, 0.0]), end.faces)
     return HalfSurfaces(start=side(whole, -1.0), end=side(whole, 1.0))
 
 
 def split_boxes(surfaces: HalfSurfaces) -> HalfShapes:
-    """The boxes around the two halves' surfaces."""
+    """Return the bounding boxes of the two halves' surfaces."""
     start, end = (
         (box(part.vertices_m.min(axis=0), part.vertices_m.max(axis=0)),)
         for part in (surfaces.start, surfaces.end)
@@ -43,7 +43,7 @@ def split_boxes(surfaces: HalfSurfaces) -> HalfShapes:
 
 
 def half_boxes(mesh: ModuleMesh, mirror_y: bool = True) -> HalfShapes:
-    """The boxes around the two halves."""
+    """Return the bounding boxes of the two halves."""
     low, high = mesh.nodes_m.min(axis=0), mesh.nodes_m.max(axis=0)
     if mirror_y:
         low[1] = -high[1]
@@ -54,13 +54,13 @@ def half_boxes(mesh: ModuleMesh, mirror_y: bool = True) -> HalfShapes:
 
 
 def box(low_m: Array, high_m: Array) -> Shape:
-    """The box between two corners."""
+    """Return the box between two corners."""
     half = 0.5 * (np.asarray(high_m, float) - low_m)
     return Shape("box", tuple(half.tolist()), np.asarray(low_m, float) + half, np.eye(3))
 
 
 def mirrored(surface: TriangleMesh, axis: int) -> TriangleMesh:
-    """The mirror image across axis 0, 1, 2 = x, y, z; its faces are turned so that they still look outward."""
+    """Return the mirror image across axis 0, 1, 2 = x, y, z, with face normals still outward."""
     signs = np.ones(3)
     signs[axis] = -1.0
     faces: IntArray = surface.faces[:, ::-1].copy()
@@ -68,7 +68,7 @@ def mirrored(surface: TriangleMesh, axis: int) -> TriangleMesh:
 
 
 def side(surface: TriangleMesh, sign: float) -> TriangleMesh:
-    """The part of a surface where sign · x ≥ 0, triangles cut at x = 0."""
+    """Return the part of a surface where sign · x ≥ 0, triangles cut at x = 0."""
     faces = [piece for face in surface.faces for piece in _cut(surface.vertices_m[face], sign)]
     corners = np.array(faces, float).reshape(-1, 3)
     unique, ids = np.unique(corners, axis=0, return_inverse=True)
@@ -76,10 +76,10 @@ def side(surface: TriangleMesh, sign: float) -> TriangleMesh:
 
 
 def _cut(corners: Array, sign: float) -> list[Array]:
-    """The triangles, none to two, that lie on one side of x = 0, by clipping corner after corner."""
+    """Return the zero to two triangles on one side of x = 0, by clipping corner after corner."""
     depth = sign * corners[:, 0]
     if np.all(depth >= 0):
-        # What lies in the plane belongs to the end half.
+        # Triangles in the plane belong to the end half.
         return [] if sign < 0 and np.all(depth == 0) else [corners]
     kept = []
     for here in range(3):
@@ -87,7 +87,7 @@ def _cut(corners: Array, sign: float) -> list[Array]:
         if depth[here] >= 0:
             kept.append(corners[here])
         if (depth[here] > 0 > depth[there]) or (depth[here] < 0 < depth[there]):
-            # From the lower corner on both sides of the cut, so that both halves get the same point.
+            # From the lower corner for both halves, so that both get the same point.
             low, high = (here, there) if corners[here, 0] < corners[there, 0] else (there, here)
             share = corners[low, 0] / (corners[low, 0] - corners[high, 0])
             point = corners[low] + share * (corners[high] - corners[low])
@@ -97,9 +97,9 @@ def _cut(corners: Array, sign: float) -> list[Array]:
 
 
 def welded(surface: TriangleMesh) -> TriangleMesh:
-    """Pieces that meet as one skin: equal vertices become one, and faces that two pieces share disappear.
+    """Weld adjacent pieces to one skin: equal vertices are merged, and faces shared by two pieces are removed.
 
-    Vertices nearer than a millionth of the surface's size are equal.
+    Vertices closer than a millionth of the surface's size are equal.
     """
     grid = 1e-6 * float(np.ptp(surface.vertices_m, axis=0).max())
     _, first, renumbered = np.unique(
@@ -113,14 +113,14 @@ def welded(surface: TriangleMesh) -> TriangleMesh:
 
 
 def stretched(shape: Shape, factor: float) -> Shape:
-    """The shape with x multiplied: exact for boxes, meshes and cylinders along the axes, else the box around it."""
+    """Return the shape with x scaled: exact for boxes, meshes and cylinders along the axes, else its bounding box."""
     along = np.array([factor, 1.0, 1.0])
     position = shape.position_m * along
     if shape.kind == "mesh" and shape.mesh is not None:
         turned = shape.mesh.vertices_m @ shape.rotation.T
         mesh = TriangleMesh(turned * along, shape.mesh.faces)
         return Shape("mesh", (), position, np.eye(3), mesh)
-    reach = np.abs(shape.rotation[0])  # along x, of the shape's own axes
+    reach = np.abs(shape.rotation[0])  # index of the shape's axis along x
     if shape.kind == "box" and np.isclose(reach.max(), 1.0):
         half = np.where(reach > 0.5, factor, 1.0) * shape.size_m
         return Shape("box", tuple(half.tolist()), position, shape.rotation)
@@ -133,7 +133,7 @@ def stretched(shape: Shape, factor: float) -> Shape:
 
 
 def support(shape: Shape, direction: Array) -> float:
-    """Largest x·d over the points x of the shape, for a direction d (3,) in the frame that holds the shape (m)."""
+    """Return the largest x·d (m) over the points x of the shape, for a direction d (3,) in the shape's parent frame."""
     d = shape.rotation.T @ direction
     size = np.array(shape.size_m)
     centre = float(shape.position_m @ direction)
@@ -148,9 +148,9 @@ def support(shape: Shape, direction: Array) -> float:
 
 
 def merged(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
-    """The same solid in fewer shapes: boxes, or cylinders, that continue each other along x become one.
+    """Merge boxes, or cylinders, that continue each other along x, without changing the solid.
 
-    Fewer shapes mean fewer contacts, and no inner edges to catch on.
+    Fewer shapes give fewer contacts and no inner edges.
     """
     found: list[Shape] = []
     for shape in shapes:
@@ -165,15 +165,15 @@ def merged(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
 
 
 def _joined(first: Shape, second: Shape) -> Shape | None:
-    """Both as one shape, if they are of one kind and section, in line along x, and touch or overlap."""
+    """Return both as one shape if they have the same kind and section, are aligned along x, and touch or overlap."""
     if first.kind != second.kind or first.kind not in ("box", "cylinder"):
         return None
     if not np.allclose(first.rotation, second.rotation, atol=1e-9):
         return None
-    axis = int(np.argmax(np.abs(first.rotation[0])))  # the shape's own axis along x
+    axis = int(np.argmax(np.abs(first.rotation[0])))  # the shape's axis along x
     if not np.isclose(abs(first.rotation[0, axis]), 1.0) or (first.kind == "cylinder" and axis != 2):
         return None
-    along = axis if first.kind == "box" else 1  # its place in `size_m`
+    along = axis if first.kind == "box" else 1  # its index in `size_m`
     sections = [np.delete(shape.size_m, along) for shape in (first, second)]
     apart = second.position_m - first.position_m
     near = 1e-6 * max(*first.size_m, *second.size_m)

@@ -16,7 +16,7 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
 EDGES: IntArray = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)], np.int64)
-# (4, 6) local nodes of the faces, in such an order that normals point out of a right-handed cell.
+# (4, 6) local nodes of the faces, ordered so that normals point out of a right-handed cell.
 FACES: IntArray = np.array(
     [(0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9)], np.int64
 )
@@ -27,22 +27,22 @@ CORNERS = 4
 
 
 def shapes(points: Array) -> Array:
-    """N (q, 10) at reference points (q, 3)."""
+    """Return N (q, 10) at reference points (q, 3)."""
     return _quadratic(_barycentric(points), EDGES)
 
 
 def shape_slopes(points: Array) -> Array:
-    """∂N/∂ξ (q, 10, 3) at reference points (q, 3)."""
+    """Return ∂N/∂ξ (q, 10, 3) at reference points (q, 3)."""
     return _quadratic_slopes(_barycentric(points), EDGES)
 
 
 def face_shapes(points: Array) -> Array:
-    """N (q, 6) of a face at reference points (q, 2)."""
+    """Return N (q, 6) of a face at reference points (q, 2)."""
     return _quadratic(_barycentric(points), FACE_EDGES)
 
 
 def face_slopes(points: Array) -> Array:
-    """∂N/∂(a, b) (q, 6, 2) of a face at reference points (q, 2)."""
+    """Return ∂N/∂(a, b) (q, 6, 2) of a face at reference points (q, 2)."""
     return _quadratic_slopes(_barycentric(points), FACE_EDGES)
 
 
@@ -66,7 +66,7 @@ def _quadratic_slopes(at: Array, edges: IntArray) -> Array:
 
 @cache
 def rule(order: int) -> tuple[Array, Array]:
-    """Points (order³, 3) and weights (order³,) of the unit tetrahedron: exact to degree 2 order − 3.
+    """Return points (order³, 3) and weights (order³,) of the unit tetrahedron: exact to degree 2 order − 3.
 
     Gauss points of the unit cube with two of its faces collapsed (Stroud, Approximate Calculation of Multiple
     Integrals, 1971).
@@ -80,7 +80,7 @@ def rule(order: int) -> tuple[Array, Array]:
 
 @cache
 def face_rule(order: int) -> tuple[Array, Array]:
-    """Points (order², 2) and weights (order²,) of the unit triangle: exact to degree 2 order − 2."""
+    """Return points (order², 2) and weights (order²,) of the unit triangle: exact to degree 2 order − 2."""
     node, weight = gauss(order)
     a, b = (g.ravel() for g in np.meshgrid(node, node, indexing="ij"))
     of_a, of_b = (g.ravel() for g in np.meshgrid(weight, weight, indexing="ij"))
@@ -88,21 +88,21 @@ def face_rule(order: int) -> tuple[Array, Array]:
 
 
 def sample_points() -> Array:
-    """The ten nodes and some inner points, where Jacobians are judged."""
+    """Return the ten nodes and some inner points, at which Jacobians are checked."""
     corners = np.vstack([np.zeros(3), np.eye(3)])
     middles = corners[EDGES].mean(axis=1)
     return np.concatenate([corners, middles, rule(2)[0], [[0.25, 0.25, 0.25]]])
 
 
 def jacobians(nodes_m: Array, cells: IntArray, points: Array) -> Array:
-    """Determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 10) at reference points (q, 3)."""
+    """Return determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 10) at reference points (q, 3)."""
     slopes = shape_slopes(points).transpose(2, 0, 1)  # (3, q, 10)
     columns = [slope @ nodes_m[cells] for slope in slopes]  # (m, q, 3) each
     return np.asarray(np.einsum("mqi,mqi->mq", columns[0], np.cross(columns[1], columns[2])))
 
 
 def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, Array]:
-    """Points (m, q, 3) in m and their signed volumes (m, q) in m³, negative where a cell is inverted.
+    """Return points (m, q, 3) in m and their signed volumes (m, q) in m³, negative in inverted cells.
 
     The determinant is of degree 3: order 3 integrates 1 exactly, order 4 positions, order 5 products of two positions.
     """
@@ -111,7 +111,7 @@ def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, 
 
 
 def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Faces (g, 6) that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
+    """Return faces (g, 6) that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
     faces = cells[:, FACES].reshape(-1, 6)
     _, first, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
     chosen = np.sort(first[count == 1])
@@ -119,7 +119,7 @@ def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def face_quadrature(nodes_m: Array, faces: IntArray) -> tuple[Array, Array]:
-    """Points (f, q, 3) and n dA (f, q, 3); x·n dA is of degree 4, hence exact."""
+    """Return points (f, q, 3) and n dA (f, q, 3); x·n dA is of degree 4, hence exact."""
     points, weight = face_rule(3)
     corner, slopes = nodes_m[faces], face_slopes(points)
     along_a, along_b = (slopes[..., i] @ corner for i in range(2))
@@ -127,7 +127,7 @@ def face_quadrature(nodes_m: Array, faces: IntArray) -> tuple[Array, Array]:
 
 
 def raised(nodes_m: Array, corners: IntArray) -> tuple[Array, IntArray]:
-    """First-order cells (m, 4) as 10-node ones with straight edges: nodes, the old ones first, and cells (m, 10)."""
+    """Convert first-order cells (m, 4) to straight 10-node ones: nodes, the given ones first, and cells (m, 10)."""
     ends = np.sort(corners[:, EDGES].reshape(-1, 2), axis=1)
     unique, number = np.unique(ends, axis=0, return_inverse=True)
     middles: IntArray = len(nodes_m) + number.reshape(len(corners), len(EDGES)).astype(np.int64)

@@ -1,1 +1,1 @@
-"""Pliant at a Python prompt and in notebooks: a study with methods, results that show themselves."""
+"""Pliant at a Python prompt and in notebooks: a study with methods, results that display themselves."""

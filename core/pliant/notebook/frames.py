@@ -14,14 +14,13 @@ from pliant.pipeline.study import StudyRun
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.measurement import Measurement
-from pliant.records.search import STATUSES, SearchResult
 
 Columns = dict[str, Any]
-PRESSURES, ANGLES = 5, 21  # of the grid that a law is shown on
+PRESSURES, ANGLES = 5, 21  # points of the grid that a law is shown on
 
 
 def readings(measurement: Measurement) -> Columns:
-    """A row per sample: run, time, inputs, loads that are not zero throughout, readings."""
+    """Return a row per sample: run, time, inputs, loads that are not zero throughout, readings."""
     parts = []
     for run in measurement.runs:
         count, time = len(run), run.history.time_s
@@ -32,7 +31,7 @@ def readings(measurement: Measurement) -> Columns:
 
 
 def residuals(measurement: Measurement, predicted: Sequence[Mapping[str, Array]]) -> Columns:
-    """A row per reading: run, time, output, measured, predicted and their difference."""
+    """Return a row per reading: run, time, output, measured, predicted and their difference."""
     parts = []
     for run, model in zip(measurement.runs, predicted, strict=True):
         time = run.history.time_s
@@ -62,7 +61,7 @@ def _stacked(parts: Sequence[Columns]) -> Columns:
 
 
 def markers(run: StudyRun) -> Columns:
-    """A row per engine and marker of the settled chain: base, joints, tip."""
+    """Return a row per engine and marker of the settled chain: base, joints, tip."""
     rows = [
         (engine.kind, number, *map(float, place))
         for engine in run.engines
@@ -74,7 +73,7 @@ def markers(run: StudyRun) -> Columns:
 
 
 def laws(designs: Sequence[DesignStages]) -> Columns:
-    """τ and its slopes on a grid over each law's domain, along its first axis."""
+    """Return τ and its slopes on a grid over each law's domain, along its first axis."""
     parts = []
     for number, design in enumerate(designs):
         law = design.law.law
@@ -106,7 +105,7 @@ def laws(designs: Sequence[DesignStages]) -> Columns:
 
 
 def module_data(data: ModuleData) -> Columns:
-    """A row per solved state, a column for each coordinate and effort."""
+    """Return a row per solved state, with a column for each coordinate and effort."""
     slides = data.joint == "prismatic"
     coordinate, effort = ("extension_m", "force_n") if slides else ("angle_rad", "moment_n_m")
     several = len(data.axes) > 1
@@ -124,7 +123,7 @@ def module_data(data: ModuleData) -> Columns:
 
 
 def hypotheses(found: Diagnosis) -> Columns:
-    """A row per hypothesis, the most probable first."""
+    """Return a row per hypothesis, the most probable first."""
     probability = found.judgement.probability
     return {
         "kinds": [" + ".join(kinds) or "nothing missing" for kinds in probability],
@@ -134,26 +133,10 @@ def hypotheses(found: Diagnosis) -> Columns:
 
 
 def steps(found: Improvement) -> Columns:
-    """A row per step: what was added, and the error after it over the noise floor."""
+    """Return a row per step: what was added, and the error after it divided by the noise floor."""
     return {
         "added": [step.named or "the model as it was" for step in found.steps],
         "error_over_floor": [step.locked.over_floor for step in found.steps],
         "standard_error": [step.locked_se for step in found.steps],
         "error_over_floor_left_out": [step.training.over_floor for step in found.steps],
     }
-
-
-def history(found: SearchResult) -> Columns:
-    """A row per candidate in order: variables, status, objectives as stated, metrics."""
-    past = found.history
-    columns: Columns = {}
-    for variable in found.variables:
-        values = past.values[variable.name]
-        chosen = variable.choices
-        columns[variable.name] = (
-            [chosen[int(v)] if np.isfinite(v) else None for v in values] if chosen else values
-        )
-    columns["status"] = [STATUSES[int(k)] for k in past.status]
-    for k, (name, maximised) in enumerate(zip(found.objectives, found.maximised, strict=True)):
-        columns[name] = (-1.0 if maximised else 1.0) * past.objectives[:, k]
-    return {**columns, **past.metrics}

@@ -1,17 +1,17 @@
-"""A result at a prompt: one line as text, a short page in a notebook, a frame, a picture; its record's attributes."""
+"""A result at a prompt: one line as text, a short page in a notebook, a frame, a picture; its attributes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pliant.errors import MissingDependencyError
-from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import StudyRun
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
-from pliant.report.document import Document, Table, brief
+from pliant.report.document import Document, Picture, Table, brief
 from pliant.report.moving_picture import MovingPicture
 from pliant.report.render import fragment, page
 from pliant.report.stage import write_page
@@ -23,8 +23,8 @@ Record = TypeVar("Record")
 LONGEST = 160  # characters of a result's one line
 
 
-def frame_of(columns: Any, index: Any = None) -> pandas.DataFrame:
-    """Columns as a pandas frame; raises `MissingDependencyError` where pandas is not installed."""
+def data_frame(columns: Any, index: Any = None) -> pandas.DataFrame:
+    """Return columns as a pandas frame; raises `MissingDependencyError` where pandas is not installed."""
     try:
         import pandas
     except ImportError:
@@ -33,24 +33,29 @@ def frame_of(columns: Any, index: Any = None) -> pandas.DataFrame:
 
 
 class Result(Generic[Record]):
-    """What a step of a study gives.
+    """The result of one step of a study.
 
-    Attributes that it has not itself are those of its `record`, the frozen data behind it (SI, unit in the name).
+    Attributes that this class does not define are read from `record`, the frozen data behind it (SI, unit in the name).
 
     Attributes:
         record: the data.
-        document: its sentences, tables and pictures: what the command line prints.
+        plot: name of the page's picture that `plot` draws, and number of its panel; by default the first picture.
     """
 
     def __init__(
         self,
         record: Record,
-        document: Document,
-        plot: Callable[[Record, Any], Any] | None = None,
+        document: Callable[[], Document],
+        plot: tuple[str, int] = ("", 0),
         frame: Callable[[Record], dict[str, Any]] | None = None,
     ) -> None:
-        self.record, self.document = record, document
-        self._plot, self._frame = plot, frame
+        self.record = record
+        self._write_document, self._plot, self._frame = document, plot, frame
+
+    @cached_property
+    def document(self) -> Document:
+        """Return the sentences, tables and pictures that the command line prints; they are written when first read."""
+        return self._write_document()
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -72,7 +77,7 @@ class Result(Generic[Record]):
 
     @property
     def json(self) -> dict[str, Any]:
-        """The JSON object of the command: plain SI values.
+        """Return the JSON object of the command: plain SI values.
 
         >>> finger.simulate().json["converged"]
         True
@@ -80,55 +85,59 @@ class Result(Generic[Record]):
         return dict(self.document.data)
 
     def to_frame(self) -> pandas.DataFrame:
-        """The numbers as a pandas frame, SI, with the unit in each column's name where the result has a table of its
-        own; else its first table as it is printed. Raises `MissingDependencyError` without pandas.
+        """Return the numbers as a pandas frame, SI, with the unit in each column's name.
+
+        A result without such numbers gives its first table as printed. Raises `MissingDependencyError` without pandas.
 
         >>> joint.compare().to_frame().columns.tolist()
         ['run', 'time_s', 'output', 'measured', 'predicted', 'residual']
         """
         if self._frame is not None:
-            return frame_of(self._frame(self.record))
+            return data_frame(self._frame(self.record))
         tables = [block for block in self.document.brief if isinstance(block, Table)]
         if not tables:
             tables = [brief(table) for part in self.document.draw().sections for table in part.tables]
         head = tables[0].head if tables else []
-        return frame_of({name: [row[k] for row in tables[0].rows] for k, name in enumerate(head)})
+        return data_frame({name: [row[k] for row in tables[0].rows] for k, name in enumerate(head)})
 
     def plot(self, ax: Any = None, *, interactive: bool = False) -> Any:
-        """The one picture that says most, on these matplotlib axes or on new ones; returns the axes.
+        """Draw the main picture on these matplotlib axes or on new ones; returns the axes.
 
         Args:
             ax: the axes; none for an interactive picture.
-            interactive: instead the first picture of the page that moves (zoom, values under the pointer, runs switched
-                on and off), which a notebook shows and `.save(file)` writes as one HTML file.
+            interactive: return instead the page's first interactive picture (zoom, values under the pointer, runs
+                switched on and off), which a notebook shows and `.save(file)` writes as one HTML file.
 
         Raises:
-            ValueError: the result has no picture, or none that moves.
+            ValueError: the result has no picture, or no interactive one.
 
         >>> finger.simulate().plot().get_xlabel()
         'x (mm)'
         """
         if interactive:
             return self._moving()
-        if self._plot is not None:
-            return self._plot(self.record, ax)
-        from pliant.report.plots import image
+        from pliant.report.moving_picture import on_axes
 
-        hero = self.document.draw().hero
-        if hero is None:
+        name, panel = self._plot
+        pictures = self._pictures()
+        shown = next((one for one in pictures if one.name == name), next(iter(pictures), None))
+        if shown is None:
             raise ValueError("this result has no picture")
-        return image(hero, ax)
+        return on_axes(shown, panel, ax)
 
-    def _moving(self) -> MovingPicture:
+    def _pictures(self) -> list[Picture]:
         drawn = self.document.draw()
         pictures = [drawn.hero, *(picture for part in drawn.sections for picture in part.pictures)]
-        for one in pictures:
-            if one is not None and one.chart is not None:
+        return [picture for picture in pictures if picture is not None]
+
+    def _moving(self) -> MovingPicture:
+        for one in self._pictures():
+            if one.chart is not None:
                 return MovingPicture(one)
         raise ValueError("this result has no picture that moves; plot() draws the still one.")
 
     def save(self, folder: str | Path) -> Path:
-        """Write the whole page with its pictures into a folder; returns the page's path.
+        """Write the whole page with its pictures into a folder and return the page's path.
 
         >>> finger.simulate().save(store / "page").name
         'report.html'
@@ -174,7 +183,7 @@ class Simulated(Result[StudyRun]):
 
     @property
     def metrics(self) -> Mapping[str, Any]:
-        """What the task measured, SI, unit in the name.
+        """Return the task's metrics, SI, unit in the name.
 
         >>> round(finger.simulate().metrics["bend_angle_rad"], 3)
         2.878
@@ -192,22 +201,9 @@ class Simulated(Result[StudyRun]):
 
     @property
     def converged(self) -> bool:
-        """Whether the engine reached its own tolerance.
+        """Return whether the engine reached its own tolerance.
 
         >>> finger.simulate().converged
         True
         """
         return bool(self._final.final.converged)
-
-
-class Fitted(Result[tuple[DesignStages, ...]]):
-    """The laws of a study's distinct designs."""
-
-    @property
-    def law(self) -> JointLaw:
-        """The law of the first design: `law.evaluate(actuation, deformation)` gives τ and its slopes.
-
-        >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.axes
-        ('y',)
-        """
-        return self.record[0].law.law

@@ -1,15 +1,16 @@
-"""A study with methods: the commands in the same words, each giving a `Result`."""
+"""A study with methods named as the commands, each returning a `Result`."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from pliant import api
 from pliant.config.overrides import as_overrides
 from pliant.config.study import Study
+from pliant.config.writing import StudyDraft
 from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.extension import Extension, write_extended_study
 from pliant.diagnosis.learned_term import LearnedTerm
@@ -20,16 +21,17 @@ from pliant.execution.executors import Workers
 from pliant.formatting import displayed_in
 from pliant.measurements.written_units import units_as_written
 from pliant.notebook import frames
-from pliant.notebook.result import Fitted, Result, Simulated
-from pliant.pipeline.study import law_of_table, physics_of_study
+from pliant.notebook.result import Result, Simulated
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import check_families, law_from_table, simulate_study, solve_study_fem
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import discover
-from pliant.report import plots
-from pliant.report.calibration import calibration_document
+from pliant.registry.function import package_function
 from pliant.report.comparison import comparison_document
 from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
+from pliant.report.document import Document
 from pliant.report.extension import cited, extension_document
 from pliant.report.extension import origin as extension_origin
 from pliant.report.fem import fem_document
@@ -37,16 +39,36 @@ from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_d
 from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
 from pliant.report.run import simulation_document
-from pliant.report.search import search_document
 from pliant.store.store import write_atomically
 
-Data = Any  # a path, several, a pandas frame, or what `read` gave
+Data = Any  # a path, several, a pandas frame, or a result of `read`
+
+
+class Solved(Result[Any]):
+    """The FEM data of a module and the study that they belong to."""
+
+    study: StudyHandle
+
+
+class Fitted(Result[tuple[DesignStages, ...]]):
+    """The laws of a study's distinct designs."""
+
+    study: StudyHandle | None = None  # the study of these laws; a law of a bare table has none
+
+    @property
+    def law(self) -> JointLaw:
+        """The law of the first design: `law.evaluate(actuation, deformation)` gives τ and its slopes.
+
+        >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.axes
+        ('y',)
+        """
+        return self.record[0].law.law
 
 
 class StudyHandle:
-    """A study in hand; every method is the command of its name and gives a `Result`.
+    """An opened study; every method runs the command of its name and returns a `Result`.
 
-    Finished stages are kept in the store, as those of the commands are.
+    Finished stages are kept in the store, as by the commands.
 
     Attributes:
         path: the file that was read.
@@ -56,6 +78,13 @@ class StudyHandle:
     def __init__(self, path: Path, overrides: Sequence[str], opened: api.OpenStudy) -> None:
         self.path, self.opened = path, opened
         self._overrides = tuple(overrides)
+
+    @classmethod
+    def _from_opened(cls, path: Path, overrides: Sequence[str], opened: api.OpenStudy) -> Self:
+        """Return a handle of a study that is open, also of a class that is composed otherwise."""
+        handle = cls.__new__(cls)
+        StudyHandle.__init__(handle, path, overrides, opened)
+        return handle
 
     @property
     def config(self) -> Study:
@@ -69,16 +98,19 @@ class StudyHandle:
 
     def __repr__(self) -> str:
         blocks = [
-            key for key in Study.model_fields if key not in ("pliant", "name") and getattr(self.config, key)
+            key
+            for key in type(self.config).model_fields
+            if key not in ("pliant", "name") and getattr(self.config, key)
         ]
         return f"<study {self.name}: {', '.join(blocks)}>"
 
-    def with_(self, changes: Mapping[str, Any] | None = None, /, **named: Any) -> StudyHandle:
-        """The study with some keys changed: ``with_(pressure="20 kPa", physics="mujoco", chain={"modules": 10})``.
+    def with_(self, changes: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
+        """Return the study with some keys changed: ``with_(pressure="20 kPa", physics="mujoco", chain={"modules":
+        10})``.
 
         Args:
-            changes: keys that are no Python names, such as ``{"chain.modules": 10}``.
-            named: blocks, values, or names of keys that stand in one block alone.
+            changes: keys that are not Python names, such as ``{"chain.modules": 10}``.
+            named: blocks, values, or names of keys that occur in one block only.
 
         Raises:
             UserError: an unknown or ambiguous key, or a value that is not allowed.
@@ -89,42 +121,69 @@ class StudyHandle:
         overrides = [*self._overrides, *as_overrides(self.config, {**(changes or {}), **named})]
         bench = self.opened.bench
         opened = api.open_study(self.path, overrides, store=bench.store.root, progress=bench.progress)
-        return StudyHandle(self.path, overrides, opened)
+        return type(self)._from_opened(self.path, overrides, opened)
+
+    def to_yaml(self, path: str | Path) -> Path:
+        """Write the study, with its changes, as a file that stands alone; return its path.
+
+        Raises:
+            UserError: the file would be the study itself or one of its bases, or cannot be written.
+
+        >>> heavier = finger.with_({"chain.payload": "13 g"}).to_yaml(store / "heavier.yaml")
+        >>> pliant.open(heavier, store=store).config.chain.modules
+        8
+        """
+        target = Path(path)
+        draft = StudyDraft(self.path, self._overrides)
+        draft.write(target, self.config.canonical(), discover(), full=True)
+        return target
 
     @property
     def law(self) -> JointLaw:
-        """The law of the study's first design, solved and fitted first where it must be.
+        """The law of the study's first design; it is solved and fitted if necessary.
 
         >>> finger.law.evaluate(np.array([15e3]), np.array([[0.0]])).tau.round(5)
         array([[0.02456]])
         """
         return api.laws(self.opened)[0].law.law
 
-    def fem(self) -> Result[Any]:
-        """The FEM data of the study's first design: `pliant fem`. The record is a `ModuleData`.
+    def fem(self) -> Solved:
+        """Return the FEM data of the study's first design: `pliant fem`. The record is a `ModuleData`.
 
         >>> coarse = {"pressures": 3, "angles": 3, "check_states": 2}
         >>> len(pliant.open(examples / "first_finger/finger.yaml", store=store, fem=coarse).fem().to_frame()) > 4
         True
         """
-        artifacts = api.fem(self.opened)
-        document = fem_document(self.config, artifacts, [""] * len(artifacts))
-        return Result(artifacts[0].value, document, plots.module_data, frames.module_data)
+        check_families(self.opened.bench, self.config)
+        artifacts = solve_study_fem(self.opened.bench, self.config)
+
+        def document() -> Document:
+            return fem_document(self.config, artifacts, [""] * len(artifacts))
+
+        found = Solved(artifacts[0].value, document, ("fem_states", 1), frames.module_data)
+        found.study = self
+        return found
 
     def fit(self) -> Fitted:
-        """The laws of the study's designs with their errors on states left out: `pliant fit`.
+        """Return the laws of the study's designs with their errors on held-out states: `pliant fit`.
 
         >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.joint
         'revolute'
         """
         bench = self.opened.bench
         stages = api.laws(self.opened)
-        fitted = fitted_designs(bench, [s for s in stages if s.law.report is not None], learning=False)
-        document = laws_document(self.name, stages, fitted, self.config.canonical())
-        return Fitted(stages, document, plots.laws, frames.laws)
+
+        def document() -> Document:
+            own = [stage for stage in stages if stage.law.report is not None]
+            fitted = fitted_designs(bench, own, learning=False)
+            return laws_document(self.name, stages, fitted, self.config.canonical())
+
+        found = Fitted(stages, document, ("fit_law", 0), frames.laws)
+        found.study = self
+        return found
 
     def simulate(self) -> Simulated:
-        """The chain under the study's task in its engine: `pliant simulate`.
+        """Simulate the chain under the study's task in its engine: `pliant simulate`.
 
         >>> finger.simulate()
         <stated: 8-module finger bends 164.9° at 15 kPa; the law is stated by its coefficients.>
@@ -133,16 +192,16 @@ class StudyHandle:
         return alone.run()
 
     def run(self) -> Simulated:
-        """All stages, `cross_check` engines too: `pliant run`.
+        """Run all stages, including `cross_check` engines: `pliant run`.
 
         >>> finger.with_(cross_check=["mujoco"]).run().to_frame()["engine"].unique().tolist()
         ['quasistatic', 'mujoco']
         """
-        done = api.simulate(self.opened)
-        return Simulated(done, simulation_document(done), plots.backbones, frames.markers)
+        done = simulate_study(self.opened.bench, self.config)
+        return Simulated(done, lambda: simulation_document(done), ("chain_pose", 0), frames.markers)
 
     def compare(self, data: Data = None) -> Result[Any]:
-        """The model against the study's measurement or another: `pliant compare`. The record is a `Comparison`.
+        """Compare the model with the study's measurement or another: `pliant compare`. The record is a `Comparison`.
 
         >>> round(joint.compare().rmse_over_floor, 1)
         2.5
@@ -151,23 +210,27 @@ class StudyHandle:
         if not isinstance(data, Measurement) and is_counted(self.config, data):
             counted = counted_study(self.config, data)
             counts: CountComparison = api.compare_counts(self.opened, data)
-            return Result(counts, counts_document(self.name, counted.counts, counts))
+            return Result(counts, lambda: counts_document(self.name, counted.counts, counts))
         model = api.predictor(self.opened, data)
         with displayed_in(units_as_written(model.measurement)):
             predicted, found = compare_model(model)
-            bands = study_bands(self.opened.bench, self.config, model.measurement)
-            document = comparison_document(self.name, model.measurement, predicted, found, *bands)
+
+        def document() -> Document:
+            with displayed_in(units_as_written(model.measurement)):
+                bands = study_bands(self.opened.bench, self.config, model.measurement)
+                return comparison_document(self.name, model.measurement, predicted, found, *bands)
+
         return Result(
             found,
             document,
-            lambda _, ax: plots.measured(model.measurement, predicted, ax),
+            ("runs", 0),
             lambda _: frames.residuals(model.measurement, predicted),
         )
 
     def diagnose(
         self, data: Data = None, *, effects: Sequence[str] | None = None, workers: Workers = None
     ) -> Result[Any]:
-        """Which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`.
+        """Diagnose which physical effect is missing: `pliant diagnose`. The record is a `Diagnosis`.
 
         >>> joint.diagnose(effects=["viscoelastic", "stiffness"]).verdict
         'missing_effect'
@@ -176,25 +239,33 @@ class StudyHandle:
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
             found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
-            document = diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
-        return Result(found, document, plots.hypotheses, frames.hypotheses)
+
+        def document() -> Document:
+            with displayed_in(units_as_written(measurement)):
+                return diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
+
+        return Result(found, document, ("hypotheses", 0), frames.hypotheses)
 
     def extend(self, *effects: str, data: Data = None, out: str | Path | None = None) -> Result[Any]:
-        """Effects fitted on top of the study's own: `pliant extend`. The record is an `Extension`.
+        """Fit effects in addition to the study's own: `pliant extend`. The record is an `Extension`.
 
         Args:
             effects: kinds to fit.
             data: see `compare`.
-            out: a new study file that has them; nothing is written where the runs show none of them.
+            out: a new study file with them; nothing is written if the runs show none of them.
 
         >>> [effect.kind for effect in joint.extend("viscoelastic").effects]
         ['viscoelastic']
         """
-        files = [] if out is None else _files_of(data)
+        files = [] if out is None else _data_files(data)
         measurement = api.read_measurement(self.opened, _recorded(data))
         with displayed_in(units_as_written(measurement)):
             found = api.extend(self.opened, effects, measurement)
-            document = extension_document(self.name, measurement, found, self.opened.bench.registry)
+
+        def document() -> Document:
+            with displayed_in(units_as_written(measurement)):
+                return extension_document(self.name, measurement, found, self.opened.bench.registry)
+
         if out is not None and not found.absent:
             self._write(Path(out), found, files, extension_origin(found, measurement), {})
         return Result(found, document)
@@ -215,14 +286,14 @@ class StudyHandle:
             data: see `compare`.
             effects: candidates; all by default.
             learned: whether a learned term may be the last step.
-            named_only: add nothing whose cause no verdict names, however well it predicts.
+            named_only: add only effects that a verdict names, however well others predict.
             workers: processes that fit hypotheses; by default the study's, or this one.
-            out: a new study file that has what was added; nothing is written where nothing was.
+            out: a new study file with what was added; nothing is written if nothing was added.
 
         >>> joint.improve(effects=["viscoelastic", "stiffness"]).to_frame()["added"].tolist()
         ['the model as it was', 'viscoelastic']
         """
-        files = [] if out is None else _files_of(data)
+        files = [] if out is None else _data_files(data)
         measurement = api.read_measurement(self.opened, _recorded(data))
         registry = self.opened.bench.registry
         with displayed_in(units_as_written(measurement)):
@@ -234,12 +305,16 @@ class StudyHandle:
                 named_only=named_only,
                 workers=workers,
             )
-            document = improvement_document(self.name, measurement, found, registry, effects or ())
+
+        def document() -> Document:
+            with displayed_in(units_as_written(measurement)):
+                return improvement_document(self.name, measurement, found, registry, effects or ())
+
         if out is not None and (found.final is not None or found.learned is not None):
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
             note = improvement_origin(found, cited(measurement))
             self._write(Path(out), found.final, files, note, notes, found.learned)
-        return Result(found, document, plots.steps, frames.steps)
+        return Result(found, document, ("steps", 0), frames.steps)
 
     def _write(
         self,
@@ -250,7 +325,7 @@ class StudyHandle:
         notes: Mapping[str, str],
         learned: LearnedTerm | None = None,
     ) -> None:
-        """The study with the effects of an extension, as the commands write it."""
+        """Write the study with the effects of an extension, as the commands do."""
         write_extended_study(
             self.path,
             target,
@@ -265,33 +340,32 @@ class StudyHandle:
         )
 
     def optimize(self, workers: int | None = None) -> Result[Any]:
-        """The study's search and the check of its winner: `pliant optimize`. The record is a `SearchResult`.
+        """Run the study's search and check the best design: `pliant optimize`. The record is a `SearchResult`.
 
         >>> search = pliant.open(examples / "shape_matching/small.yaml", store=store)
         >>> search.with_({"search.budget": 2}).optimize(workers=1).evaluations > 0
         True
         """
-        found = api.optimize(self.opened, workers=workers)
-        engine = physics_of_study(self.opened.bench, self.config).kind
-        document = search_document(self.config.canonical(), found, engine=engine)
-        return Result(found, document, plots.history, frames.history)
+        result: Result[Any] = package_function("optimize", "pliant_search")(self.opened, workers=workers)
+        return result
 
     def calibrate(self, data: str | Path, **options: Any) -> Result[Any]:
-        """Constants of the study's material from a test: `pliant calibrate`. The record is a `Calibration`.
+        """Fit constants of the study's material to a test: `pliant calibrate`. The record is a `Calibration`.
 
         >>> silicone = pliant.open(examples / "materials/silicone.yaml", store=store)
         >>> silicone.calibrate(examples / "materials/pull.csv")
         <silicone: ...>
         """
         found = api.calibrate(self.opened, data, **options)
-        return Result(found, calibration_document(self.name, found))
+        document = package_function("calibration_document", "pliant_calibrate")
+        return Result(found, lambda: document(self.name, found))
 
 
-def _files_of(data: Data) -> list[Path]:
-    """The files that a new study names: those of the data, or that `read` read without notes; none for the study's own.
+def _data_files(data: Data) -> list[Path]:
+    """Return the files that a new study names, those of the data; empty for the study's own.
 
     Raises:
-        UserError: data that are no files, or that only notes in Python make readable.
+        UserError: data that are not files, or that are readable only with notes given in Python.
     """
     if isinstance(data, Result):
         block = data.json.get("measurements", {})
@@ -308,7 +382,7 @@ def _files_of(data: Data) -> list[Path]:
 
 
 def _recorded(data: Data) -> Data:
-    """What `read` gave as the measurement that it holds; other data as they are."""
+    """Return the measurement of a result of `read`; other data unchanged."""
     return data.record if isinstance(data, Result) else data
 
 
@@ -326,49 +400,53 @@ def open_study(path: str | Path, *, store: str | Path = api.DEFAULT_STORE, **cha
 
 
 def read(files: Any, **notes: Any) -> Result[Measurement]:
-    """Measurement files, or a pandas frame, as the commands read them.
+    """Read measurement files, or a pandas frame, as the commands do.
 
     Args:
         files: a path, several, a pattern such as ``"runs/*.csv"``, or a pandas frame.
-        notes: what the files do not say of themselves: ``rename={"bend": "angle_rad"}``, ``units={"p": "mbar"}``.
+        notes: what the files do not state: ``rename={"bend": "angle_rad"}``, ``units={"p": "mbar"}``.
 
     Raises:
-        UserError: what cannot be read, or cannot be decided without being asked.
+        UserError: files that cannot be read, or are ambiguous without notes.
 
     >>> pliant.read(examples / "hidden_effect/bench.csv").to_frame()["run"].nunique()
     14
     """
     measurement, document = api.read(files, notes)
-    return Result(measurement, document, plots.readings, frames.readings)
+    return Result(measurement, lambda: document, ("recording", 0), frames.readings)
 
 
 def fit(
     table: Any, surrogate: str = "polynomial", *, store: str | Path = api.DEFAULT_STORE, **settings: Any
 ) -> Fitted:
-    """A joint law from a table of anybody's, with its errors on states left out: `pliant fit TABLE`.
+    """Fit a joint law to a user's table, with its errors on held-out states: `pliant fit TABLE`.
 
     Args:
-        table: a path (docs/bring_your_own_data.md), or a pandas frame with the same columns.
+        table: a path (docs/bring_your_own_data.md), a pandas frame with the same columns, or what `solve` gave.
         surrogate: the kind of law.
         store: folder of finished stages.
         settings: keys of the surrogate's block.
 
     Raises:
-        UserError: what is wrong with the table, by line, or a key that the surrogate does not have.
+        UserError: errors in the table, by line, or a key that the surrogate does not have.
 
     >>> pliant.fit(examples / "data/bellow_bending.csv", store=store).law.joint
     'revolute'
     """
+    if isinstance(table, Solved):
+        return table.study.with_(surrogate={"kind": surrogate, **settings}).fit()
     bench = api.workbench(store)
     source = Path(table) if isinstance(table, str | Path) else _kept(table, Path(store))
-    stages = law_of_table(bench, source, surrogate, settings)
+    stages = law_from_table(bench, source, surrogate, settings)
     config: Any = stages.design.surrogate
     fitted = fitted_law(bench, surrogate, config, stages.law, learning=False, source=source.name)
-    return Fitted((stages,), table_document(source, stages, [fitted], {}), plots.laws, frames.laws)
+    return Fitted(
+        (stages,), lambda: table_document(source, stages, [fitted], {}), ("fit_law", 0), frames.laws
+    )
 
 
 def _kept(frame: Any, store: Path) -> Path:
-    """A frame as a CSV in the store, where the law's study finds it again."""
+    """Write a frame as CSV into the store, where the law's study finds it again, and return the path."""
     text = frame.to_csv(index=False)
     path = store / "tables" / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.csv"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What of a study's model a file for other programs can carry: the chain under its task, and most static effects."""
+"""Parts of a study's model that files for other programs can contain: the chain under its task, most static effects."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from dataclasses import dataclass
 from pliant.config.study import Study
 from pliant.interfaces.effect import Effect, Model
 from pliant.interfaces.task import SceneTask, Task
-from pliant.pipeline.study import chain_of_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.study import build_study_chain
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 
 
 @dataclass(frozen=True)
 class Carried:
-    """The chain with the task's own loads and the effects that can be carried; why the others cannot."""
+    """The chain with the task's loads and the effects that can be exported, and why the others cannot."""
 
     chain: ChainModel
     left_out: tuple[str, ...]
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is not in a file of this chain, for people."""
+        """Sentences on what a file of this chain does not contain."""
         said = []
         if self.left_out:
             said.append(f"Effects that are not in it: {', '.join(self.left_out)}.")
-        if any(law.error is not None for law in self.chain.laws):
+        if any(law.states_error for law in self.chain.laws):
             said.append(
                 "The law's error bar is not used by it: 'pliant simulate' with 'uncertainty' shows it."
             )
@@ -37,9 +37,9 @@ class Carried:
         return tuple(said)
 
 
-def carried_chain(bench: Workbench, study: Study, mounted: bool = False) -> Carried:
-    """The study's chain as files carry it; all stages before it are done. `mounted`: see `chain_of_study`."""
-    chain = chain_of_study(bench, study, mounted).chain
+def carried_chain(bench: RunContext, study: Study, mounted: bool = False) -> Carried:
+    """Return the study's chain as files contain it, after all earlier stages. `mounted`: see `build_study_chain`."""
+    chain = build_study_chain(bench, study, mounted).chain
     if study.task is not None:
         task: Task | SceneTask = bench.build("task", study.task)
         chain = task.prepare(chain)
@@ -56,7 +56,7 @@ def carried_chain(bench: Workbench, study: Study, mounted: bool = False) -> Carr
 
 
 def _reason(before: Model, after: Model) -> str:
-    """Why what an effect has changed cannot be carried; empty where it can."""
+    """Return why the change by an effect cannot be exported; "" if it can."""
     added = after.chain.terms[len(before.chain.terms) :]
     if any(term.needs_time for term in added):
         return "it has a memory, or needs time"

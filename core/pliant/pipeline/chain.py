@@ -1,4 +1,4 @@
-"""Stage 3: modules and laws become a chain of rigid pieces (docs/conventions.md)."""
+"""Stage 3: assembly of modules and laws into a chain of rigid pieces (docs/conventions.md)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
-from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
+from pliant.mechanics.rotations import exp_map, matrix_from_quaternion
 from pliant.mechanics.shared_actuation import shared
 from pliant.mechanics.shared_elasticity import sharing_elasticity
 from pliant.meshing.masses import UNIFORM
@@ -27,9 +27,9 @@ NO_SHAPES = HalfShapes((), ())
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """What the chain needs to know of one module: its law, length, masses and collision shapes.
+    """Properties of one module that the chain needs: its law, length, masses and collision shapes.
 
-    `offset_m` is how far the chain's centre line lies from the joint, along module z.
+    `offset_m` is the distance of the chain's centre line from the joint, along module z.
     """
 
     law: JointLaw
@@ -41,7 +41,7 @@ class Module:
 
 @dataclass(frozen=True, eq=False)
 class RigidPiece:
-    """A piece without a joint, x from 0 to `length_m` in its own frame."""
+    """A rigid piece without a joint, x from 0 to `length_m` in its own frame."""
 
     length_m: float
     mass: MassProperties
@@ -52,8 +52,8 @@ class RigidPiece:
 class Segment:
     """Equal modules in a row, turned by `rotation_rad` about the chain axis relative to the base; or a rigid piece.
 
-    Their supply gets `actuation_share` of what the chain's inputs say. `actuators` are their own; without any those
-    of the chain act on them.
+    The modules get `actuation_share` of the chain's inputs. `actuators` are those of the segment; without any, the
+    chain's actuators act on it.
     """
 
     piece: Module | RigidPiece
@@ -66,7 +66,7 @@ class Segment:
 def rod_module(
     law: JointLaw, length_m: float, mass_kg: float, radius_m: float | None = None, offset_m: float = 0.0
 ) -> Module:
-    """A module without a family: a uniform rod, thin where it has no radius, `offset_m` beside its joint."""
+    """Return a module without a family: a uniform rod, thin without a radius, at `offset_m` from its joint."""
 
     def half(start_m: float) -> RigidPiece:
         rod = rigid_rod(length_m / 2, mass_kg / 2, radius_m)
@@ -80,7 +80,7 @@ def rod_module(
 
 
 def rigid_rod(length_m: float, mass_kg: float, radius_m: float | None = None) -> RigidPiece:
-    """A uniform cylinder about the chain axis; thin and without a shape where it has no radius."""
+    """Return a uniform cylinder about the chain axis; without a radius it is thin and has no shape."""
     radius = radius_m or 0.0
     across = mass_kg * (length_m**2 / 12 + radius**2 / 4)
     centre = np.array([length_m / 2, 0.0, 0.0])
@@ -92,18 +92,18 @@ def rigid_rod(length_m: float, mass_kg: float, radius_m: float | None = None) ->
 
 
 def module_like(piece: Module, length_m: float, mass_kg: float | None = None) -> RigidPiece:
-    """A rigid piece with a module's section: its shapes and masses stretched along the chain to this length.
+    """Return a rigid piece with a module's section: its shapes and masses stretched along the chain to this length.
 
     Args:
         piece: the module.
         length_m: of the piece.
-        mass_kg: of the piece; by default as much per length as the module has.
+        mass_kg: of the piece; by default the module's mass per length.
     """
     factor = length_m / piece.length_m
     whole = piece.mass.start.joined(piece.mass.end)
     share = factor if mass_kg is None or whole.mass_kg == 0.0 else mass_kg / whole.mass_kg
     along = np.diag([factor, 1.0, 1.0])
-    # ∫ r rᵀ dm about the centre stretches with x; the inertia is tr(S) 1 − S.
+    # ∫ r rᵀ dm about the centre scales with x; the inertia is tr(S) 1 − S.
     second = 0.5 * np.trace(whole.inertia_kg_m2) * np.eye(3) - whole.inertia_kg_m2
     second = share * along @ second @ along
     inertia = np.trace(second) * np.eye(3) - second
@@ -117,9 +117,9 @@ def module_like(piece: Module, length_m: float, mass_kg: float | None = None) ->
 def family_module(
     law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None, regions: Mapping[str, float] = UNIFORM
 ) -> Module:
-    """A module of a family; without a density it has that of water, for chains on which no weight acts.
+    """Return a module of a family; the default density is that of water, for chains without gravity.
 
-    `regions` are densities by region of the family, given where it has any.
+    `regions` are densities by region of the family, if it has regions.
     """
     density = WATER_KG_M3 if density_kg_m3 is None else density_kg_m3
     mass = family.mass(density, regions) if regions else family.mass(density)
@@ -127,24 +127,29 @@ def family_module(
 
 
 def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
-    """Rigid pieces l/2, l, …, l, l/2 between base, joints and tip; each module's mass goes to its two halves.
+    """Build the chain: rigid pieces l/2, l, …, l, l/2 between base, joints and tip, each module's mass in two halves.
 
     A segment's rotation is about the chain axis and relative to the base frame, so that the rest frame of its
-    first joint is turned by the difference to the segment before it. Rigid pieces lengthen the body in which
-    they stand. The centre line starts at the base and ends at the tip; joints may stand beside it.
+    first joint is rotated by the difference to the segment before it. Rigid pieces lengthen the body that
+    contains them. The centre line starts at the base and ends at the tip; joints may be offset from it.
 
     Raises:
-        UserError: laws of different joints, or actuators and laws that take different inputs.
+        UserError: laws of different joint types, or actuators and laws with different inputs.
     """
-    wiring = Wiring.of(config.actuators, [(_law_of(segment), segment.actuators) for segment in segments])
-    # A law that gets all of the actuation, from one actuator, is left as it is.
+    wiring = Wiring.from_segments(
+        config.actuators, [(_segment_law(segment), segment.actuators) for segment in segments]
+    )
+    # A law that gets all of the actuation from one actuator is not wrapped.
     pairs = [
         (s.piece.law, s.actuation_share, wiring.sharers(number))
         for number, s in enumerate(segments)
         if isinstance(s.piece, Module)
     ]
     places = {pair: place for place, pair in enumerate(dict.fromkeys(pairs))}
-    laws = [sharing_elasticity(shared(law, share), count) for law, share, count in places]
+    laws = [
+        law if share == 1.0 and count < 2 else sharing_elasticity(shared(law, share), count)
+        for law, share, count in places
+    ]
     kinds = sorted({f"{law.joint} ({', '.join(law.axes)})" for law in laws})
     if len(kinds) > 1:
         raise UserError(
@@ -155,7 +160,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     bodies = [MassProperties.none()]
     shapes: list[tuple[Shape, ...]] = [()]
     rotation = 0.0
-    # Where the centre line has come to, in the last body's frame.
+    # Present end of the centre line, in the last body's frame.
     reach = np.zeros(3)
     rings, line = [Ring(0, reach)], [Ring(0, reach)]
     for number, segment in enumerate(segments):
@@ -166,8 +171,8 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
                 shapes[-1] += tuple(shape.placed(np.eye(3), reach) for shape in piece.shapes)
                 reach = reach + [piece.length_m, 0.0, 0.0]
                 continue
-            # The start half moves with the parent body, whose axes are turned back by `turn`.
-            turn = exp_map(np.array([segment.rotation_rad - rotation, 0.0, 0.0]))
+            # The start half moves with the parent body, whose axes are rotated back by `turn`.
+            turn = _about_axis(segment.rotation_rad - rotation)
             beside = np.array([0.0, 0.0, piece.offset_m])
             half = np.array([piece.length_m / 2, 0.0, 0.0])
             offset = reach + half - turn @ beside
@@ -197,22 +202,27 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     )
 
 
-def _law_of(segment: Segment) -> JointLaw | None:
+def _segment_law(segment: Segment) -> JointLaw | None:
     return segment.piece.law if isinstance(segment.piece, Module) else None
 
 
 def base_rotation(base: BaseConfig) -> Array:
-    """Rotation of the base in the world, (3, 3); see docs/conventions.md for `direction` and `roll`."""
+    """Return the rotation of the base in the world, (3, 3); see docs/conventions.md for `direction` and `roll`."""
     if base.quaternion is not None:
         quaternion = np.array(base.quaternion, float)
-        return matrix_of_quaternion(quaternion / np.linalg.norm(quaternion))
+        return matrix_from_quaternion(quaternion / np.linalg.norm(quaternion))
     rest = default_base_rotation()
     if base.direction is not None:
-        # The smallest rotation that takes world −z to `direction`; a half turn about world y for +z.
+        # The smallest rotation from world −z to `direction`; a half turn about world y for +z.
         target, down = np.array(base.direction, float), np.array([0.0, 0.0, -1.0])
         target = target / np.linalg.norm(target)
         axis = np.cross(down, target)
         sine, cosine = float(np.linalg.norm(axis)), float(down @ target)
         turn = axis / sine * np.arctan2(sine, cosine) if sine >= 1e-12 else np.array([0.0, np.pi, 0.0])
         rest = rest if sine < 1e-12 and cosine > 0 else exp_map(turn) @ rest
-    return rest @ exp_map(np.array([base.roll_rad or 0.0, 0.0, 0.0]))
+    return rest @ _about_axis(base.roll_rad or 0.0)
+
+
+def _about_axis(angle_rad: float) -> Array:
+    """Return the rotation about the chain axis, (3, 3)."""
+    return exp_map(np.array([angle_rad, 0.0, 0.0])) if angle_rad else np.eye(3)

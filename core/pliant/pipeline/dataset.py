@@ -1,4 +1,4 @@
-"""Stage 1: a design and a material become FEM data."""
+"""Stage 1: FEM data of a design and a material."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
 from pliant.meshing.cells import HEXAHEDRON, SquareSkin
 from pliant.meshing.soundness import found_wrong
-from pliant.pipeline.sampling.plan import sample
-from pliant.pipeline.sampling.strategies import loads_of
-from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling
-from pliant.pipeline.workbench import Workbench, content
-from pliant.records.actuation import names_of
+from pliant.pipeline.answer_checks import answer_checks
+from pliant.pipeline.sampling.plan import Sampling, sample
+from pliant.pipeline.sampling.strategies import axis_loads
+from pliant.pipeline.sampling.walk import FULL, MAIN, Sampled, Subproblem
+from pliant.pipeline.workbench import RunContext, content
+from pliant.records.actuation import split_actuation_names
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, TRUSTED, FemState, ModuleData, ModuleMesh, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
@@ -32,15 +33,14 @@ AGREEMENT = 1e-6  # of a column's largest value; Newton ends at 1e-9 and less
 
 
 def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict[str, Any]:
-    """The columns of `ModuleData`.
+    """Return the columns of `ModuleData`.
 
-    Of a module with several axes, a state of the piece that moves about the main one alone has zero in the other
-    places of u, τ and ∂τ/∂p, by symmetry, and NaN in the slopes that it does not know. A free state of the
-    full piece is a row of each lateral axis. A state of an axis about which the module is symmetric has a copy
-    at −u. Copies took no iterations and no time. Under several actuations there is one piece, and every state knows
-    all axes.
+    For a module with several axes, a state of the piece that moves only about the main axis has zero in the other
+    entries of u, τ and ∂τ/∂p, by symmetry, and NaN in the unknown slopes. A free state of the full piece is a row of
+    each lateral axis. A state of an axis about which the module is symmetric has a copy at −u, with zero iterations
+    and time. Under several actuations there is one piece, and every state covers all axes.
     """
-    rows: list[tuple[FemState, str, str]] = []  # with the role and the axis whose law it explores
+    rows: list[tuple[FemState, str, str]] = []  # with its role and the axis whose law it explores
     if sampling.solved and np.ndim(sampling.solved[0].state.actuation):
         explored = main_axis if len(axes) == 1 else COUPLING
         rows = [(one.state, one.target.role, explored) for one in sampling.solved]
@@ -62,7 +62,7 @@ def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict
 
 
 def _columns(rows: Sequence[tuple[FemState, str, str]]) -> dict[str, Any]:
-    """Arrays of states with their roles and the axes that they explore."""
+    """Return the arrays of states with their roles and the axes that they explore."""
     columns: dict[str, Any] = {name: np.array([getattr(s, name) for s, _, _ in rows]) for name in OF_STATES}
     return columns | {
         "role": np.array([row[1] for row in rows]),
@@ -71,7 +71,7 @@ def _columns(rows: Sequence[tuple[FemState, str, str]]) -> dict[str, Any]:
 
 
 def _embedded(state: FemState, axes: Sequence[str], main_axis: str) -> FemState:
-    """A state of the main axis alone among all axes."""
+    """Return a state of the main axis with the entries of all axes."""
     k, m = len(axes), axes.index(main_axis)
     if k == 1:
         return state
@@ -84,7 +84,7 @@ def _embedded(state: FemState, axes: Sequence[str], main_axis: str) -> FemState:
 
 
 def _mirrored(state: FemState, main: int) -> FemState:
-    """The state on the other side of the mirror plane: all lateral angles change their sign."""
+    """Return the mirror image of a state: all lateral angles change their sign."""
     sign = -np.ones(len(state.deformation))
     sign[main] = 1.0
     return replace(
@@ -98,26 +98,29 @@ def _mirrored(state: FemState, main: int) -> FemState:
     )
 
 
-def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, fem: FemConfig) -> Artifact:
-    """The FEM data of one design; the artifact's value is a `ModuleData`."""
+def fem_stage(bench: RunContext, family: FamilyConfig, material: MaterialConfig, fem: FemConfig) -> Artifact:
+    """Return the FEM data of one design; the artifact's value is a `ModuleData`."""
     built: ActuatorFamily = bench.build("family", family)
     backend: FEMBackend = bench.build("fem", fem)
     substance: Material = bench.build("material", material)
     for remark in (*built.remarks(), *substance.remarks()):
         bench.progress.note(remark)
 
-    def pieces_of(problems: Mapping[str, ModuleProblem]) -> list[Piece]:
+    def build_pieces(problems: Mapping[str, ModuleProblem]) -> list[Subproblem]:
         for one in problems.values():
             require_sound(one, family.kind)
-        return [piece_of(name, one, backend.checked_solver(one, substance)) for name, one in problems.items()]
+        return [
+            build_piece(name, one, backend.checked_solver(one, substance)) for name, one in problems.items()
+        ]
 
     def compute(partial: Path) -> ModuleData:
         problems = module_problems(built, fem.refinement)
         main = problems[MAIN]
-        pieces = pieces_of(problems)
-        loads = loads_of(fem, problems.get(FULL, main)) if fem.sampling == "study" else {}
+        pieces = build_pieces(problems)
+        loads = axis_loads(fem, problems.get(FULL, main)) if fem.sampling == "study" else {}
         limit = fem.actuation_max(main.actuation)
-        return as_data(built, problems, pieces, sample(pieces, fem, limit, partial, bench.progress, loads))
+        sampling = sample(pieces, fem, limit, partial, bench.progress, loads)
+        return checked_data(as_data(built, problems, pieces, sampling), main, substance, pieces, sampling)
 
     configs = {"family": family, "material": material, "fem": fem}
     return bench.make(
@@ -125,20 +128,34 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         compute,
         components=[
             *(bench.component(name, config) for name, config in configs.items()),
-            *(bench.component("material", own) for own in material.of_regions().values()),
+            *(bench.component("material", own) for own in material.region_materials().values()),
         ],
         modules=["pliant.pipeline.dataset"],
         config={name: content(config) for name, config in configs.items()},
         inputs={},
-        agrees=lambda data: same_physics(data, pieces_of(module_problems(built, fem.refinement))),
+        agrees=lambda data: same_physics(data, build_pieces(module_problems(built, fem.refinement))),
     )
 
 
-def same_physics(data: ModuleData, pieces: Sequence[Piece]) -> bool:
-    """Whether solvers give the data's states again: for each piece one, the farthest that is trusted.
+def checked_data(
+    data: ModuleData,
+    problem: ModuleProblem,
+    material: Material,
+    pieces: Sequence[Subproblem],
+    sampling: Sampling,
+) -> ModuleData:
+    """Return the data with the figures of the checks on its answer; a state at rest is solved if none was sampled."""
+    solved = (one.state for one in sampling.solved if one.target.piece == MAIN)
+    at_rest = (state for state in solved if not np.any(state.actuation) and state.angle_rad == 0.0)
+    rest = next(at_rest, None) or next(piece.solver for piece in pieces if piece.name == MAIN).rest()
+    return replace(data, sampling={**data.sampling, "checks": answer_checks(data, problem, material, rest)})
 
-    Deformation, effort, both slopes and energy must agree to `AGREEMENT` of the data's largest. A data set of an
-    older layout, and a state that does not converge from rest, do not agree.
+
+def same_physics(data: ModuleData, pieces: Sequence[Subproblem]) -> bool:
+    """Return whether solvers reproduce the data's states, checked for the farthest trusted state of each piece.
+
+    Deformation, effort, both slopes and energy must agree to `AGREEMENT` of the data's largest value. A data set of
+    an older layout, or a state that does not converge from rest, counts as a disagreement.
     """
     try:
         for piece in pieces:
@@ -151,7 +168,7 @@ def same_physics(data: ModuleData, pieces: Sequence[Piece]) -> bool:
             size = np.abs(data.deformation[rows] / reach).sum(axis=1)
             driven = data.actuation[rows]
             row = rows[np.argmax(size * (driven if driven.ndim == 1 else driven.sum(axis=1)))]
-            # from rest over the free branch
+            # from rest along the free branch
             actuation, state = data.actuation[row], piece.solver.rest()
             for share in (0.5, 1.0):
                 state = piece.solver.free(share * actuation, state)
@@ -163,8 +180,8 @@ def same_physics(data: ModuleData, pieces: Sequence[Piece]) -> bool:
     return True
 
 
-def _agrees(data: ModuleData, row: int, state: FemState, piece: Piece) -> bool:
-    """Whether a state is the row, in the coordinates that the piece has."""
+def _agrees(data: ModuleData, row: int, state: FemState, piece: Subproblem) -> bool:
+    """Return whether a state equals the row in the coordinates of the piece."""
     places = [data.axes.index(axis) for axis in piece.axes]
     pairs: list[tuple[Array, Array | float]] = [(data.energy_j, state.energy_j)]
     for name in ("deformation", "tau", "dtau_dp"):
@@ -177,9 +194,9 @@ def _agrees(data: ModuleData, row: int, state: FemState, piece: Piece) -> bool:
 
 
 def require_sound(problem: ModuleProblem, kind: str) -> None:
-    """Raise `UserError` for what a family's problem lacks to be solved as it is meant.
+    """Raise `UserError` if the mesh of a family's problem has errors that prevent a solution.
 
-    A problem of a class of its own is for its own backend to judge: its mesh may stand for something else.
+    A subclass of `ModuleProblem` is not checked, since the meaning of its mesh is known only to its backend.
     """
     found = found_wrong(problem) if type(problem) is ModuleProblem else ""
     if found:
@@ -189,18 +206,18 @@ def require_sound(problem: ModuleProblem, kind: str) -> None:
         )
 
 
-def piece_of(name: str, problem: ModuleProblem, solver: ModuleSolver) -> Piece:
-    """A problem with its solver, ready to be sampled."""
+def build_piece(name: str, problem: ModuleProblem, solver: ModuleSolver) -> Subproblem:
+    """Return a problem with its solver, ready for sampling."""
     limits = problem.contact_range or (-np.inf, np.inf)
-    return Piece(name, solver, problem.axes, problem.main_axis, limits, problem.closing)
+    return Subproblem(name, solver, problem.axes, problem.main_axis, limits, problem.closing)
 
 
 def module_problems(family: ActuatorFamily, refinement: int) -> dict[str, ModuleProblem]:
-    """The pieces to solve: the main axis alone, where there are others the module with all of them too.
+    """Return the pieces to solve: that of the main axis and, if there are other axes, the module with all axes.
 
-    Under several actuations no axis is the one that they drive: only the module with all axes is solved.
+    Under several actuations there is no single driven axis: only the module with all axes is solved.
     """
-    if len(family.axes) == 1 or len(names_of(family.actuation)) > 1:
+    if len(family.axes) == 1 or len(split_actuation_names(family.actuation)) > 1:
         return {MAIN: family.problem(refinement)}
     return {
         MAIN: family.problem(refinement, axes=(family.main_axis,)),
@@ -211,7 +228,7 @@ def module_problems(family: ActuatorFamily, refinement: int) -> dict[str, Module
 def as_data(
     family: ActuatorFamily,
     problems: Mapping[str, ModuleProblem],
-    pieces: Sequence[Piece],
+    pieces: Sequence[Subproblem],
     sampling: Sampling,
 ) -> ModuleData:
     """Collect solved states as a table, with deformed shapes of the main piece's free branch for pictures."""
@@ -236,9 +253,9 @@ def as_data(
 def _shapes(
     problem: ModuleProblem, solver: ModuleSolver, solved: tuple[Sampled, ...]
 ) -> tuple[ModuleShape, ...]:
-    """The skin at rest and on the free branch, in ascending actuation; the last one with its stress."""
+    """Return the skin at rest and on the free branch by ascending actuation; the last state with its stress."""
     free = [s.state for s in solved if s.target.branch == "free" and s.target.piece == MAIN]
-    skin = SquareSkin.of(problem.mesh.skin)
+    skin = SquareSkin.from_faces(problem.mesh.skin)
     mirrors = mirror_planes(problem)
 
     def shape(state: FemState, stress: Array | None = None) -> ModuleShape:
@@ -251,13 +268,13 @@ def _shapes(
 
 
 def _size(mesh: ModuleMesh) -> dict[str, int]:
-    """Cells and nodes; the cells' own nodes where they are no hexahedra."""
+    """Return the numbers of cells and nodes; the cells' own nodes if they are not hexahedra."""
     size, of_cell = {"n_cells": len(mesh.cells), "n_nodes": len(mesh.nodes_m)}, mesh.cells.shape[1]
     return size if of_cell == HEXAHEDRON.nodes else {**size, "cell_nodes": of_cell}
 
 
 def _stress(solver: ModuleSolver, state: FemState, skin: SquareSkin) -> Array | None:
-    """Von Mises stress on the skin, or None where the backend gives no fields."""
+    """Return the von Mises stress on the skin, or None if the backend provides no fields."""
     try:
         return skin.values(np.asarray(solver.fields(state).point_data["von_mises_pa"], dtype=float))
     except (UserError, KeyError):
@@ -265,9 +282,9 @@ def _stress(solver: ModuleSolver, state: FemState, skin: SquareSkin) -> Array | 
 
 
 def mirror_planes(problem: ModuleProblem) -> tuple[str, ...]:
-    """The planes x, y, z = 0 in which mirror images of the solved piece make the module, by their normals.
+    """Return the planes x, y, z = 0 in which mirror images of the solved piece make the module, by their normals.
 
-    x where the piece is half the module; y and z where a whole plane of nodes is held in it.
+    x if the piece is half the module; y and z if a whole plane of nodes is fixed in that plane.
     """
     found = ["x"] if problem.deformation_scale == 2.0 else []
     nodes = problem.mesh.nodes_m

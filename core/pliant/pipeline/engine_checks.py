@@ -1,23 +1,29 @@
-"""What a study asks of an engine that does not have it, each refused in one sentence."""
+"""Checks that an engine supports what a study requires; each refusal is one sentence."""
 
 from __future__ import annotations
 
 from pliant.config.chain import MountConfig
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
+from pliant.interfaces.physics import (
+    HistoryBackend,
+    MountBackend,
+    PhysicsBackend,
+    PhysicsConfig,
+    SceneBackend,
+)
 from pliant.interfaces.task import SceneTask, Task
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 
 
-def check_engines(bench: Workbench, study: Study, *kinds: PhysicsConfig) -> None:
-    """Ask what needs no law, so that nothing is solved for a study that its engines refuse.
+def check_engines(bench: RunContext, study: Study, *kinds: PhysicsConfig) -> None:
+    """Check requirements that need no law, so that nothing is solved for a study that its engines refuse.
 
     Args:
-        bench: the surroundings.
+        bench: plugins, store, progress.
         study: with its task.
-        kinds: the engines; those that are not installed are left to whoever builds them.
+        kinds: the engines; engines that are not installed are reported when they are built.
     """
     task: Task | SceneTask | None = None if study.task is None else bench.build("task", study.task)
     for config in kinds:
@@ -31,15 +37,15 @@ def check_engines(bench: Workbench, study: Study, *kinds: PhysicsConfig) -> None
 
 
 def check_asked(backend: PhysicsBackend, task: Task | SceneTask | None) -> None:
-    """Raise `UserError` where the task needs contact, or fingers that touch each other, and the engine has none."""
-    kind, can = backend.config.kind, backend.capabilities
+    """Raise `UserError` if the task needs contact, or contact between fingers, and the engine has none."""
+    kind = backend.config.kind
     if not isinstance(task, SceneTask):
         return
-    if not can.contacts:
+    if not isinstance(backend, SceneBackend):
         raise UserError(
             f"physics '{kind}' has no contacts, which this task needs; use 'mujoco' or 'pybullet'."
         )
-    if task.arms_touch and not can.arms_touch:
+    if task.arms_touch and not backend.capabilities.arms_touch:
         raise UserError(
             f"physics '{kind}' lets fingers go through each other, and this task wants them to touch; use 'mujoco', or "
             "leave 'finger_contact' out."
@@ -47,8 +53,8 @@ def check_asked(backend: PhysicsBackend, task: Task | SceneTask | None) -> None:
 
 
 def check_mount(backend: PhysicsBackend, task: Task | SceneTask | None, mount: MountConfig) -> None:
-    """Raise `UserError` where the engine or the task cannot have a chain on a mount, or the mount is not there."""
-    if not backend.capabilities.mounts:
+    """Raise `UserError` if the engine or the task does not support a chain on a mount, or the mount does not exist."""
+    if not isinstance(backend, MountBackend):
         raise UserError(no_mount(backend.config.kind))
     if task is not None and not task.mounts:
         raise UserError(
@@ -59,16 +65,26 @@ def check_mount(backend: PhysicsBackend, task: Task | SceneTask | None, mount: M
 
 
 def no_mount(kind: str) -> str:
-    """The sentence on an engine that cannot carry a chain on somebody else's arm."""
+    """Return the message for an engine that cannot simulate a chain on an imported arm."""
     return (
         f"physics '{kind}' cannot put a chain on an arm: use 'mujoco', also for 'cross_check', or leave "
         "'chain.base.mount' out."
     )
 
 
+def require_histories(backend: PhysicsBackend) -> HistoryBackend:
+    """Return the engine if it follows histories; raise `UserError` otherwise."""
+    if isinstance(backend, HistoryBackend):
+        return backend
+    raise UserError(
+        f"physics '{backend.config.kind}' cannot follow measured histories; comparing with measurements "
+        "needs 'physics: quasistatic' or 'physics: mujoco'."
+    )
+
+
 def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
-    """Raise `UserError` for law terms that the engine cannot follow."""
-    if any(term.needs_time for term in chain.terms) and not backend.capabilities.internal_states:
+    """Raise `UserError` for law terms that the engine does not support."""
+    if any(term.needs_time for term in chain.terms) and not isinstance(backend, HistoryBackend):
         kind = backend.config.kind
         raise UserError(
             f"physics '{kind}' does not follow effects with rate or memory; use 'quasistatic' or "
@@ -82,8 +98,8 @@ def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
 
 
 def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -> None:
-    """Raise `UserError` for kinds of joints that the engine does not have, and for a mount that it cannot carry."""
-    if chain.mount is not None and not backend.capabilities.mounts:
+    """Raise `UserError` for joint types and mounts that the engine does not support."""
+    if chain.mount is not None and not isinstance(backend, MountBackend):
         raise UserError(no_mount(kind))
     joints = {law.joint for law in chain.laws}
     unknown = joints - set(backend.capabilities.joints)

@@ -1,6 +1,4 @@
-"""Learning curves: how the error of a surrogate falls with the states that it is fitted to, that of a meta-model with
-the designs.
-"""
+"""Learning curves: error of a surrogate against its number of states, of a meta-model against its designs."""
 
 from __future__ import annotations
 
@@ -21,7 +19,7 @@ from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.meta_model.stage import NOT_FITTED, MetaModelStage
 from pliant.pipeline.residuals import Residuals, fitted_box
 from pliant.pipeline.surrogate import without_tables
-from pliant.pipeline.workbench import Workbench, content
+from pliant.pipeline.workbench import RunContext, content
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import SolvedDesigns
@@ -29,18 +27,18 @@ from pliant.store.store import Artifact, write_atomically
 
 FEWEST = 4
 STEP = np.sqrt(2.0)
-# Of each order of states but the first, distances are stretched by a random factor of this deviation of its logarithm.
+# In every order of states but the first, distances are scaled by a random factor; this deviation is of its logarithm.
 SHUFFLE = 0.5
 HELD_OUT_SHARE = 0.2
 TEST_SHARE = 0.25
-SEED = 0  # of what is held out
+SEED = 0  # of the held-out states or designs
 WITH, WITHOUT = "with slopes", "without slopes"
 
 
 def learning_stage(
-    bench: Workbench, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
+    bench: RunContext, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
 ) -> Artifact:
-    """The learning curve through the store; `inputs` key the data. The value is the dict of `learning_curve`."""
+    """Return the learning curve through the store; `inputs` key the data. The value is the dict of `learning_curve`."""
     surrogate: Surrogate = bench.build("surrogate", config)
     return bench.make(
         "learning",
@@ -52,8 +50,8 @@ def learning_stage(
     )
 
 
-def design_learning_stage(bench: Workbench, stage: MetaModelStage) -> Artifact:
-    """The learning curve of a fitted meta-model's kind through the store; the value is that of `design_learning`."""
+def design_learning_stage(bench: RunContext, stage: MetaModelStage) -> Artifact:
+    """Return the learning curve of a meta-model's kind through the store; the value is that of `design_learning`."""
     model: MetaModel = bench.build("meta_model", stage.config)
     settings = {name: value for name, value in content(stage.config).items() if name not in NOT_FITTED}
     return bench.make(
@@ -76,16 +74,16 @@ def learning_curve(
     """Refit on nested subsets of the states and score on the check states.
 
     Args:
-        surrogate: what is fitted.
+        surrogate: to be fitted.
         data: states of one design; without any of role "check" a fifth is held out (`with_checks`).
         orders: seeds of the order in which states are added (`spread_order`).
-        progress: told of each fit.
-        kept: file that keeps finished points, so that an interrupted run goes on.
+        progress: notified of each fit.
+        kept: file of finished points, from which an interrupted run resumes.
 
     Returns:
         `points`: each with `slopes` ("with slopes", "without slopes"), `order`, `n`, `rms` and `worst` as shares of
         the range of each axis' effort, `wall_s` of the fit; `left_out`: sizes for which the fit is impossible, each
-        with its cause; `n_check` states that score; `sizes`; `untrusted` states that take no part.
+        with its cause; `n_check` scoring states; `sizes`; `untrusted` states that are not used.
     """
     data = with_checks(data)
     usable = np.isin(data.status, TRUSTED)
@@ -98,7 +96,7 @@ def learning_curve(
     box = fitted_box(data, data.axes)
 
     def point(slopes: str, order: int, n: int) -> dict[str, Any]:
-        """Scores of the law of a subset on the check states inside the box of all states."""
+        """Return the scores of the law of a subset on the check states inside the box of all states."""
         subset = data.rows(np.sort(np.concatenate([ordered[order][:n], checks])))
         if slopes == WITHOUT:
             unknown = {name: np.full_like(getattr(subset, name), np.nan) for name in ("dtau_dp", "dtau_du")}
@@ -107,7 +105,7 @@ def learning_curve(
         law = surrogate.fit_module(subset).law
         wall_s = time.perf_counter() - started
         columns = [0, *(1 + data.axes.index(axis) for axis in law.axes)]
-        missed = Residuals.of_law(data, law, inside=box[columns])
+        missed = Residuals.from_law(data, law, inside=box[columns])
         missed = missed.rows(missed.check)
         return {"rms": missed.rms, "worst": missed.worst, "wall_s": wall_s}
 
@@ -128,14 +126,14 @@ def learning_curve(
 def design_learning(
     model: MetaModel, designs: SolvedDesigns, progress: Progress, kept: Path | None = None
 ) -> dict[str, Any]:
-    """Refit on nested subsets of the designs and score on a quarter of them that no fit sees.
+    """Refit on nested subsets of the designs and score on a held-out quarter of them.
 
-    Subsets begin with corners of the range and go on with the design farthest from those before it.
+    Subsets start with corners of the range; each next design is the farthest from those before it.
 
     Returns:
         `points`: each with `n` designs, and for "all" and "interior" test designs `rms` and `worst`, shares of the
         range of each design's effort, and `wall_s`; `left_out`: sizes that cannot be fitted, each with its cause;
-        `test`, `interior`: rows of the designs that score, and of those among them inside the range.
+        `test`, `interior`: rows of the scoring designs, and of those among them inside the range.
     """
     n = len(designs)
     test = np.sort(np.random.default_rng(SEED).permutation(n)[: max(1, round(TEST_SHARE * n))])
@@ -144,7 +142,7 @@ def design_learning(
     inner = test[~designs.corners()[test]]
 
     def point(n: int) -> dict[str, Any]:
-        """Scores of the model of some designs."""
+        """Return the scores of the model of some designs."""
         started = time.perf_counter()
         laws = model.fit(designs.rows(np.isin(np.arange(len(designs)), order[:n]))).laws
         wall_s = time.perf_counter() - started
@@ -152,7 +150,7 @@ def design_learning(
         for i in test:
             law = laws.law(designs.values[i])
             everywhere = np.tile([-np.inf, np.inf], (len(law.domain.box), 1))
-            shares[i] = Residuals.of_law(designs.data[i], law, inside=everywhere).share
+            shares[i] = Residuals.from_law(designs.data[i], law, inside=everywhere).share
 
         def scores(rows: NDArray[np.int64]) -> dict[str, float] | None:
             if not len(rows):
@@ -175,7 +173,7 @@ def _points(
     title: str,
     kept: Path | None,
 ) -> dict[str, Any]:
-    """`points` of the jobs, and those `left_out` with their cause; what is in the file `kept` is not computed again."""
+    """Return `points` of the jobs, and those `left_out` with their cause; points in the file `kept` are reused."""
     try:
         found = json.loads(kept.read_text()) if kept is not None else {}
     except (OSError, ValueError):
@@ -205,7 +203,7 @@ def _points(
 def states_needed(
     curve: Mapping[str, Any], share: float, slopes: str = WITH, score: str = "rms"
 ) -> int | None:
-    """The fewest states from which on every larger subset of the first order is below `share`; None if none is."""
+    """Return the fewest states from which on all larger subsets of the first order are below `share`, or None."""
     points = (p for p in curve["points"] if p["slopes"] == slopes and p["order"] == 0)
     needed = None
     for point in sorted(points, key=lambda p: -p["n"]):
@@ -216,7 +214,7 @@ def states_needed(
 
 
 def subset_sizes(n: int, fewest: int = FEWEST) -> list[int]:
-    """4, 6, 8, 11, 16, … in steps of √2 from the fewest, and n itself."""
+    """Return 4, 6, 8, 11, 16, … in steps of √2 from the fewest, and n."""
     sizes, size = [], float(fewest)
     while round(size) < n:
         sizes.append(round(size))
@@ -225,11 +223,11 @@ def subset_sizes(n: int, fewest: int = FEWEST) -> list[int]:
 
 
 def spread_order(places: Array, groups: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
-    """An order of m points (m, d) in which every beginning is spread well, the groups in turn.
+    """Return an order of m points (m, d) in which every leading subset is spread well, cycling through the groups.
 
-    Each group begins with the corners of its box in its two widest coordinates, so that a law of the beginning has
-    nearly the whole domain, and goes on with the farthest point from those before it (greedy). Order 0 is that;
-    others stretch distances at random, seeded.
+    Each group starts with the corners of its box in its two widest coordinates, so that a law of a leading subset has
+    nearly the whole domain, and continues with the farthest point from those before it (greedy). This is order 0;
+    other orders scale the distances by seeded random factors.
     """
     low, width = places.min(axis=0), np.ptp(places, axis=0)
     x = (places - low) / np.where(width > 0, width, 1.0)
@@ -245,7 +243,7 @@ def spread_order(places: Array, groups: NDArray[np.str_], seed: int) -> NDArray[
 
 
 def with_checks(data: ModuleData) -> ModuleData:
-    """The data with a check set: a seeded fifth of the trusted states that are not extreme, where it has none."""
+    """Return the data with a check set; by default a seeded fifth of the trusted states that are not extreme."""
     usable = np.isin(data.status, TRUSTED)
     if np.any(usable & (data.role == "check")):
         return data
@@ -265,7 +263,7 @@ def with_checks(data: ModuleData) -> ModuleData:
 
 
 def _farthest_first(x: Array, stretch: Array) -> list[int]:
-    """Corners of the box of x (m, d), then the farthest point from those chosen, times `stretch` (m,)."""
+    """Return the corners of the box of x (m, d), then the farthest point from those chosen, times `stretch` (m,)."""
     chosen = list(dict.fromkeys(_corners(x)))
     nearest = np.min([np.linalg.norm(x - x[i], axis=1) for i in chosen], axis=0)
     while len(chosen) < len(x):
@@ -278,7 +276,7 @@ def _farthest_first(x: Array, stretch: Array) -> list[int]:
 
 
 def _corners(x: Array) -> Iterator[int]:
-    """Points nearest to the four corners in the two widest coordinates."""
+    """Yield the points nearest to the four corners in the two widest coordinates."""
     widest = np.sort(np.argsort(-np.ptp(x, axis=0), kind="stable")[:2])
     y = x[:, widest]
     box = np.stack([y.min(axis=0), y.max(axis=0)])

@@ -1,4 +1,4 @@
-"""The task again under shares of its load, for a page's load slider."""
+"""Simulation of the task under fractions of its load, for a page's load slider."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from pliant.interfaces.effect import Effect, EffectConfig
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.task import SceneTask, TaskConfig
 from pliant.pipeline.simulate import ChainSource, run_task
-from pliant.pipeline.workbench import Workbench, content
+from pliant.pipeline.workbench import RunContext, content
 from pliant.records.load_frames import LoadFrames
 from pliant.records.rollout import Rollout, TaskResult
 from pliant.store.store import Artifact
 
-SHARES = (0.0, 0.25, 0.5, 0.75)  # beside the load itself
+SHARES = (0.0, 0.25, 0.5, 0.75)  # in addition to the full load
 
 
 def loads_stage(
-    bench: Workbench,
+    bench: RunContext,
     source: ChainSource,
     physics: PhysicsConfig,
     task: TaskConfig,
     effects: Sequence[EffectConfig],
     own: TaskResult,
 ) -> Artifact | None:
-    """`LoadFrames` of a task that ended in `own`; None without a load, a history, or an engine of equilibria.
+    """Return the `LoadFrames` of a task with the result `own`; None without a load, a history, or a static engine.
 
-    Only engines that settle are asked: a motion in time under five loads would take five times as long.
+    Only static engines are used: a motion in time under five loads would take five times as long.
     """
     backend: PhysicsBackend = bench.build("physics", physics)
-    payload_kg, force_n = load_of(task, source)
+    payload_kg, force_n = task.tip_load(source.chain.payload_kg)
     loaded = payload_kg > 0.0 or force_n > 0.0
     scene = isinstance(bench.build("task", task), SceneTask)
     if not loaded or scene or own.rollout is None or backend.capabilities.dynamic or not own.final.at_rest:
@@ -50,9 +50,9 @@ def loads_stage(
                     backend, bench.build("task", _lightened(task, share)), built, chain
                 ).rollout
             except UserError:
-                continue  # outside the law's data, say: what is not known is not shown
+                continue  # for example outside the law's data: not shown
             if lighter is None or not _comparable(lighter, nominal):
-                break  # a task that looks for its actuation finds another one for another load
+                break  # a task that searches its actuation finds another one for another load
             found.append((share, lighter))
         found.reverse()
         return LoadFrames(
@@ -79,15 +79,8 @@ def loads_stage(
     )
 
 
-def load_of(task: TaskConfig, source: ChainSource) -> tuple[float, float]:
-    """Payload (kg) and size of the force (N) at the tip: the task's, else the chain's."""
-    payload_kg = getattr(task, "payload_kg", None)
-    force_n = np.linalg.norm(np.asarray(getattr(task, "tip_force_n", 0.0), float))
-    return float(source.chain.payload_kg if payload_kg is None else payload_kg), float(force_n)
-
-
 def _lightened(task: TaskConfig, share: float) -> TaskConfig:
-    """The task with a share of the loads that it names."""
+    """Return the task with its stated loads multiplied by a share."""
     named = {name: getattr(task, name, None) for name in ("payload_kg", "tip_force_n")}
     scaled = {
         name: tuple(share * v for v in value) if isinstance(value, tuple) else share * value

@@ -1,4 +1,4 @@
-"""From a finished simulation to what a viewer draws: surfaces for shapes, frames at even times."""
+"""Motion of a finished simulation for viewers: surfaces as shapes, frames at equidistant times."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from pliant.config.study import Study
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
 from pliant.interfaces.family import ActuatorFamily
-from pliant.interfaces.physics import PhysicsBackend, Simulation
+from pliant.interfaces.physics import MountBackend, PhysicsBackend
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import SceneTask, Task
 from pliant.interfaces.viewer import Handle
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map, log_map
 from pliant.pipeline.chain import Module, RigidPiece, Segment, build_chain, module_like, rigid_rod, rod_module
-from pliant.pipeline.engine_checks import check_capabilities, check_terms
+from pliant.pipeline.engine_checks import check_capabilities, check_terms, no_mount
 from pliant.pipeline.segments import DesignStages, chain_segments
-from pliant.pipeline.study import StudyRun, chain_of_study, physics_of_study
+from pliant.pipeline.study import StudyRun, build_study_chain, study_physics
 from pliant.pipeline.visual import seen_surface
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.motion import Motion
@@ -32,12 +33,12 @@ from pliant.records.rollout import Inputs, Rollout
 from pliant.records.scene import Arm, FreeBody, Scene, SceneFrames
 from pliant.records.shape import HalfShapes, Shape, TriangleMesh
 
-# Radius of a module that has none, of its length.
+# Radius of a module without one, relative to its length.
 SEEN_RADIUS = 0.2
 
 
-def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
-    """The motion of the study's first engine: frames of a scene, a chain's history, or its settled pose.
+def run_motion(bench: RunContext, run: StudyRun) -> Motion:
+    """Return the motion of the study's first engine: frames of a scene, a chain's history, or its settled pose.
 
     Raises:
         UserError: the engine did not run.
@@ -50,7 +51,7 @@ def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
     if isinstance(task, SceneTask):
         if result.frames is None or run.chain is None:
             raise UserError(f"task '{task.config.kind}' recorded no frames to draw.")
-        # Scenes are laid out by what collides.
+        # Scenes are laid out by collision shapes.
         return Motion(with_surfaces(task.scene(task.prepare(run.chain)), looks), result.frames)
     rollout: Rollout | None = result.rollout
     times, angles = (np.zeros(1), result.final.joint_angles[None])
@@ -63,12 +64,14 @@ def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
     if rollout is None:
         carrier = Carrier.stacked([carrier])
         assert carrier is not None
-    backend: PhysicsBackend = bench.build("physics", physics_of_study(bench, run.study))
+    backend: PhysicsBackend = bench.build("physics", study_physics(bench, run.study))
+    if not isinstance(backend, MountBackend):
+        raise UserError(no_mount(backend.config.kind))
     return Motion(*on_arm(scene, frames, backend.mount_shapes(looks.mount), carrier))
 
 
-def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
-    """The study's chain with its families' surfaces for shapes."""
+def drawn_chain(bench: RunContext, run: StudyRun) -> ChainModel:
+    """Return the study's chain with its families' surfaces as shapes."""
     study = run.study
     config = study.need("chain", "a picture")
     segments = chain_segments(bench, study, run.designs)
@@ -83,12 +86,12 @@ def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
 
 
 def surface_at_rest(chain: ChainModel) -> TriangleMesh:
-    """All surfaces of a straight chain in the world; primitives that only collide are not among them.
+    """Return all surfaces of a straight chain in the world frame, without collision primitives.
 
     Raises:
         UserError: the chain has no surfaces.
     """
-    straight = ChainGeometry.of(chain).forward(np.zeros((chain.n_joints, len(chain.axes))))
+    straight = ChainGeometry.from_chain(chain).forward(np.zeros((chain.n_joints, len(chain.axes))))
     parts = [
         shape.mesh.placed(shape.rotation, shape.position_m).placed(straight.rotations[k], straight.origins[k])
         for k, shapes in enumerate(chain.shapes)
@@ -104,18 +107,18 @@ def surface_at_rest(chain: ChainModel) -> TriangleMesh:
 
 
 def with_surfaces(scene: Scene, looks: ChainModel) -> Scene:
-    """The scene with another chain's shapes on its arms."""
+    """Return the scene with the shapes of another chain on its arms."""
     arms = tuple(replace(arm, chain=arm.chain.with_(shapes=looks.shapes)) for arm in scene.arms)
     return replace(scene, arms=arms)
 
 
 def chain_scene(chain: ChainModel) -> Scene:
-    """The scene of one chain without objects."""
+    """Return the scene of one chain without objects."""
     return Scene((Arm(chain),), gravity_m_s2=np.asarray(chain.gravity_m_s2, float))
 
 
 def chain_frames(time_s: Array, coordinates: Array) -> SceneFrames:
-    """Frames of a chain alone: times (t,), joint coordinates (t, n, a)."""
+    """Return the frames of a chain alone: times (t,), joint coordinates (t, n, a)."""
     steps = len(time_s)
     none = np.zeros((steps, 0, 3)), np.zeros((steps, 0, 3, 3))
     return SceneFrames(np.asarray(time_s, float), np.zeros((steps, 3)), (coordinates,), *none)
@@ -124,7 +127,7 @@ def chain_frames(time_s: Array, coordinates: Array) -> SceneFrames:
 def on_arm(
     scene: Scene, frames: SceneFrames, shapes: Sequence[tuple[Shape, ...]], carrier: Carrier
 ) -> tuple[Scene, SceneFrames]:
-    """A chain's scene and frames with the arm that carries it; `carrier` is that of the frames' times."""
+    """Return a chain's scene and frames with the arm that carries it; `carrier` has the frames' times."""
     seen = [k for k, one in enumerate(shapes) if one]
     objects = tuple(FreeBody.seen(f"body {k}", shapes[k]) for k in seen)
     placed = replace(
@@ -138,7 +141,7 @@ def on_arm(
 
 
 def at_times(frames: SceneFrames, time_s: Array) -> SceneFrames:
-    """The frames at other times, between the recorded ones by straight lines and even turns."""
+    """Return the frames at other times, with linear interpolation of positions and rotations."""
     last = len(frames.time_s) - 1
     if last == 0:
         return sampled(frames, np.zeros(len(time_s), int))
@@ -165,7 +168,7 @@ def at_times(frames: SceneFrames, time_s: Array) -> SceneFrames:
 
 
 def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
-    """Some of the frames."""
+    """Return a selection of the frames."""
     return SceneFrames(
         frames.time_s[index],
         frames.carriage_m[index],
@@ -176,13 +179,13 @@ def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
     )
 
 
-def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segment:
-    """The segment with what is to be seen of it."""
+def _dressed(bench: RunContext, segment: Segment, design: DesignStages) -> Segment:
+    """Return the segment with its visible surfaces."""
     piece = segment.piece
     if not isinstance(piece, Module):
         return segment
     if design.family is None:
-        if not (piece.shapes.start or piece.shapes.end):  # no radius is stated: a rod that can be seen
+        if not (piece.shapes.start or piece.shapes.end):  # no radius is stated: a visible rod
             rod = rod_module(piece.law, piece.length_m, 0.0, SEEN_RADIUS * piece.length_m, piece.offset_m)
             return replace(segment, piece=replace(piece, shapes=rod.shapes))
         return segment
@@ -198,7 +201,7 @@ def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segmen
 
 
 def _rigid_look(config: RigidConfig | None, piece: Module | RigidPiece, like: Module) -> Module | RigidPiece:
-    """A rigid piece as it looks: a module's surface where it has that section, a stub where it has no radius."""
+    """Return a rigid piece with its visible shape: a module's surface for its section, a stub without a radius."""
     if config is None or isinstance(piece, Module):
         return piece
     look = piece
@@ -213,7 +216,7 @@ DRIVES = ("pressure_pa", "tendon_force_n")
 
 
 class ChainHandle(Handle):
-    """A chain's inputs from 0 to their highest values; loads stay the task's."""
+    """Handle on a chain's inputs from 0 to their highest values; loads are the task's."""
 
     def __init__(self, simulation: Simulation, highest: float) -> None:
         self.simulation = simulation
@@ -233,8 +236,8 @@ class ChainHandle(Handle):
         return chain_frames(np.array([self._time_s]), self.simulation.snapshot().position[None])
 
 
-def prepared_chain(bench: Workbench, study: Study) -> tuple[ChainModel, PhysicsBackend, Any]:
-    """The study's chain with its task's loads and its effects, its engine, and its task (None without one).
+def prepared_chain(bench: RunContext, study: Study) -> tuple[ChainModel, PhysicsBackend, Any]:
+    """Return the study's chain with its task's loads and its effects, its engine, and its task or None.
 
     Raises:
         UserError: the engine cannot simulate it, or effects act on the input.
@@ -245,14 +248,14 @@ def prepared_chain(bench: Workbench, study: Study) -> tuple[ChainModel, PhysicsB
     return model.chain, backend, task
 
 
-def prepared_model(bench: Workbench, study: Study) -> tuple[Model, PhysicsBackend, Any]:
-    """The same with the effects' maps of inputs and readings.
+def prepared_model(bench: RunContext, study: Study) -> tuple[Model, PhysicsBackend, Any]:
+    """Return the same as `prepared_chain` with the effects' maps of inputs and readings.
 
     Raises:
         UserError: the engine cannot simulate it.
     """
-    chain = chain_of_study(bench, study).chain
-    physics = physics_of_study(bench, study)
+    chain = build_study_chain(bench, study).chain
+    physics = study_physics(bench, study)
     backend: PhysicsBackend = bench.build("physics", physics)
     check_capabilities(backend, chain, physics.kind)
     task = bench.build("task", study.task) if study.task is not None else None
@@ -264,10 +267,10 @@ def prepared_model(bench: Workbench, study: Study) -> tuple[Model, PhysicsBacken
 
 
 def highest_actuation(study: Study, chain: ChainModel) -> float:
-    """The task's pressure or tendon force, else the highest value for which all laws hold.
+    """Return the task's pressure or tendon force, else the highest value in the domain of all laws.
 
     Raises:
-        UserError: nothing says how far the actuation goes.
+        UserError: the highest actuation is not known.
     """
     stated = [getattr(study.task, name, None) for name in DRIVES]
     for value in (*stated, min(law.domain.actuation[1] for law in chain.laws)):

@@ -1,4 +1,4 @@
-"""What workers need to do a study's work: plain values in, a workbench on the shared store out."""
+"""Description of a study for workers: plain values, from which they open a workbench on the shared store."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from pathlib import Path
 
 from pliant.config.study import Study, study_model
 from pliant.errors import UserError
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.registry.discovery import Registry, discover
 from pliant.registry.files import with_files
 from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import ArtifactStore
 
 SEEN_WITHIN_S = 2.0
-code_of = cache(code_fingerprint)  # the code that this process has loaded
-_LOADING = threading.Lock()  # files of plugins are executed once, also where a worker has several threads
+code_of = cache(code_fingerprint)  # code that this process has loaded
+_LOADING = threading.Lock()  # plugin files are executed once, even in a worker with several threads
 
 
 @dataclass(frozen=True)
 class RemoteStudy:
-    """A study as it travels to workers, which find their own plugins and open the store by its path.
+    """A study in the form sent to workers, which find their own plugins and open the store by its path.
 
     Attributes:
         study: as canonical JSON.
-        plugins: Python files with kinds of the user's own.
+        plugins: Python files with the user's kinds.
         store: root of the store.
-        modules: whose code must be that of the driver, with all that they import.
-        code: its fingerprint there; empty: not compared.
+        modules: whose code, including imports, must equal the driver's.
+        code: the driver's fingerprint of it; "": not compared.
     """
 
     study: str
@@ -44,16 +44,16 @@ class RemoteStudy:
     code: str = ""
 
     @classmethod
-    def of(cls, bench: Workbench, study: Study, modules: tuple[str, ...] = ()) -> RemoteStudy:
-        """Of a study in this process; modules are for workers that may have other code."""
+    def from_study(cls, bench: RunContext, study: Study, modules: tuple[str, ...] = ()) -> RemoteStudy:
+        """Return the description of a study in this process; modules are for workers that may have other code."""
         plugins = tuple(str(file) for file in study.plugins)
-        alone = study.model_copy(update={"workers": None})  # a worker has none of its own
+        alone = study.model_copy(update={"workers": None})  # a worker has no workers
         raw = {key: value for key, value in alone.canonical().items() if value is not None}
         code = code_of(modules) if modules else ""
         return cls(json.dumps(raw), plugins, str(bench.store.root.resolve()), modules, code)
 
-    def open(self) -> tuple[Workbench, Study]:
-        """In a worker.
+    def open(self) -> tuple[RunContext, Study]:
+        """Return the workbench and the study in a worker.
 
         Raises:
             UserError: the worker runs other code.
@@ -64,11 +64,11 @@ class RemoteStudy:
         registry = registry_with(self.plugins)
         raw = json.loads(self.study)
         study: Study = study_model(raw, registry).model_validate(raw)
-        return Workbench(registry, ArtifactStore(store, study.name)), study
+        return RunContext(registry, ArtifactStore(store, study.name)), study
 
 
 def other_version(how: str) -> UserError:
-    """The error of a worker with other code than the driver's; `how` it shows, in brackets."""
+    """Return the error of a worker whose code differs from the driver's; `how` states the evidence, in brackets."""
     return UserError(
         f"the worker on {platform.node()} runs another version of Pliant, of a plugin or of a library than this "
         f"process{how}; install the same on both, and edit no code meanwhile."
@@ -76,10 +76,10 @@ def other_version(how: str) -> UserError:
 
 
 def store_seen(folder: Path, store: str) -> Path:
-    """The driver's store where this host sees a folder of it, else a store of this host's own.
+    """Return the driver's store if this host sees its folder, else a store local to this host.
 
-    What the driver's store has and a host of its own lacks is computed there once. A new folder may take a while to
-    show on a network file system. The host's own is `PLIANT_STORE` there, or a folder for temporary files.
+    A local store computes missing artifacts once. A new folder may appear late on a network file system. The local
+    store is `PLIANT_STORE` of the host, or a temporary folder.
     """
     until = time.monotonic() + SEEN_WITHIN_S
     while not folder.is_dir():
@@ -92,6 +92,6 @@ def store_seen(folder: Path, store: str) -> Path:
 
 
 def registry_with(plugins: tuple[str, ...]) -> Registry:
-    """The installed plugins and those of the files."""
+    """Return the registry of the installed plugins and those of the files."""
     with _LOADING:
         return with_files(discover(), [Path(file) for file in plugins])

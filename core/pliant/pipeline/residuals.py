@@ -1,4 +1,4 @@
-"""What a joint law misses of solved states: one entry for each state and axis that the state tells of."""
+"""Residuals of a joint law on solved states: one entry for each state and axis that the state covers."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ INSIDE = 1e-9  # of a box's width: rounding
 class Residuals:
     """Predicted minus solved effort, m entries.
 
-    A state that explores one axis tells of that axis alone, a state that holds all axes of all of them. Shares are
+    A state that explores one axis covers only that axis; a state that prescribes all axes covers all. Shares are
     of the range of an axis' effort in the trusted states that explore it.
 
     Attributes:
         axes: names of the k axes.
         state: (m,) row of the data.
-        axis: (m,) place in `axes`.
+        axis: (m,) index in `axes`.
         miss: (m,) N·m, or N.
         share: (m,) |miss| / range.
         check: (m,) whether the state is of role "check".
-        together: (m,) whether the state holds all axes at once.
+        together: (m,) whether the state prescribes all axes.
         ranges: (k,) range of each axis' effort.
     """
 
@@ -44,7 +44,7 @@ class Residuals:
     ranges: Array
 
     @staticmethod
-    def of(
+    def from_prediction(
         data: ModuleData,
         axes: tuple[str, ...],
         predict: Callable[[Array, Array], Array],
@@ -52,10 +52,10 @@ class Residuals:
         every: bool = False,
         ranges: Array | None = None,
     ) -> Residuals:
-        """Misses of `predict`, from (n,) and (n, k) to (n, k), at trusted states inside a box (m + k, 2).
+        """Return the residuals of `predict`, from (n,) and (n, k) to (n, k), at trusted states inside a box (m + k, 2).
 
-        With `every`, each state tells of all axes whose effort it knows, of those that follow freely too; `ranges`
-        (k,) stand for those of the data.
+        With `every`, each state covers all axes of known effort, including those that follow freely; `ranges` (k,)
+        replace those of the data.
         """
         columns = [data.axes.index(axis) for axis in axes]
         u, tau = data.deformation[:, columns], data.tau[:, columns]
@@ -88,42 +88,44 @@ class Residuals:
         )
 
     @staticmethod
-    def of_law(
+    def from_law(
         data: ModuleData,
         law: JointLaw,
         every: bool = False,
         ranges: Array | None = None,
         inside: Array | None = None,
     ) -> Residuals:
-        """Misses of a law at trusted states inside its domain, or another box."""
+        """Return the residuals of a law at trusted states inside its domain, or another box."""
         box = law.domain.box if inside is None else inside
-        return Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges)
+        return Residuals.from_prediction(
+            data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges
+        )
 
     def rows(self, keep: NDArray[np.bool_]) -> Residuals:
-        """The entries that a mask (m,) chooses."""
+        """Return the entries selected by a mask (m,)."""
         names = ("state", "axis", "miss", "share", "check", "together")
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
     @property
     def rms(self) -> float:
-        """Root of the mean squared share; NaN without entries."""
+        """Return the root mean square of the shares; NaN without entries."""
         return float(np.sqrt(np.mean(self.share**2))) if len(self.share) else float("nan")
 
     @property
     def worst(self) -> float:
-        """Largest share; NaN without entries."""
+        """Return the largest share; NaN without entries."""
         return float(self.share.max()) if len(self.share) else float("nan")
 
 
 def fitted_box(data: ModuleData, axes: tuple[str, ...]) -> Array:
-    """(1 + k, 2) box of the trusted states of role "fit"."""
+    """Return (1 + k, 2) box of the trusted states of role "fit"."""
     rows = np.isin(data.status, TRUSTED) & (data.role == "fit")
     values = np.column_stack([data.actuation, data.deformation[:, [data.axes.index(a) for a in axes]]])[rows]
     return np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
 
 
-def module_of(data: FemDataset) -> ModuleData:
-    """The same states as `ModuleData`; what one axis does not know (travel, cost) is NaN and 0."""
+def as_module_data(data: FemDataset) -> ModuleData:
+    """Convert the states of one axis to `ModuleData`; quantities that it lacks (travel, cost) are NaN and 0."""
     n = len(data)
     return ModuleData(
         design=data.design,
@@ -149,11 +151,11 @@ def module_of(data: FemDataset) -> ModuleData:
     )
 
 
-def module_of_axes(data: Mapping[str, FemDataset], axes: tuple[str, ...]) -> ModuleData:
-    """States of several axes, each known by a table of its own: the other axes at rest, their efforts unknown (NaN)."""
+def module_from_axes(data: Mapping[str, FemDataset], axes: tuple[str, ...]) -> ModuleData:
+    """Return the states of several axes from one table each: other axes at rest, their efforts unknown (NaN)."""
     parts = []
     for axis, one in data.items():
-        own, at, k = module_of(one), axes.index(axis), len(axes)
+        own, at, k = as_module_data(one), axes.index(axis), len(axes)
         spread: dict[str, Any] = {"deformation": np.zeros((len(one), k))}
         spread |= {name: np.full((len(one), k), np.nan) for name in ("tau", "dtau_dp")}
         for name, values in spread.items():
@@ -167,7 +169,7 @@ def module_of_axes(data: Mapping[str, FemDataset], axes: tuple[str, ...]) -> Mod
 
 
 def as_scored(data: ModuleData, report: FitReport) -> ModuleData:
-    """The data with role "check" at the states that the report scores, where a table itself has no check states."""
+    """Return the data with role "check" at the states that the report scores, if the table has no check states."""
     if np.any(data.role == "check"):
         return data
     scores = np.zeros(len(data), bool)

@@ -1,4 +1,4 @@
-"""The segments of a study's chain: what their modules are made of, and the pieces that they become."""
+"""Segments of a study's chain: the designs of their modules, and the pieces built from them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from pliant.pipeline.chain import (
     rod_module,
 )
 from pliant.pipeline.surrogate import LawStage
-from pliant.pipeline.wiring import actuators_of
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.wiring import actuators_from_configs
+from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
 from pliant.store.store import Artifact
 
-# A module of a law, a family, its density and those of its regions.
+# Builds a module from a law, a family, its density and those of its regions.
 ModuleOf = Callable[[JointLaw, ActuatorFamily, float | None, Mapping[str, float]], Module]
 OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offset_m")
 
 
 @dataclass(frozen=True)
 class DesignSpec:
-    """What modules are made of: a family (None for a law without one) and a surrogate (None for the default).
+    """Design of modules: a family (None for a law without one) and a surrogate (None for the default).
 
-    With a `meta_model` the law comes from that; the surrogate is what a direct FEM check would fit.
+    With a `meta_model` the law comes from it; the surrogate is the one that a direct FEM check fits.
     """
 
     family: FamilyConfig | None
@@ -47,7 +47,7 @@ class DesignSpec:
 
     @property
     def name(self) -> str:
-        """The same text for the same design, however it was written."""
+        """Identifying text of the design, independent of the notation in the study."""
         drawn = (self.family.visual, self.family.visual_scale) if self.family else None
         configs = (self.family, self.surrogate, self.meta_model)
         return repr([*(c.canonical() if c else None for c in configs), drawn])
@@ -68,12 +68,12 @@ class DesignStages:
 
 
 def segment_designs(study: Study) -> list[DesignSpec | None]:
-    """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
+    """Return the design of each segment's modules, with validated changes; None for a rigid piece.
 
-    A segment with a surrogate of its own does not take the meta-model's law.
+    A segment that states a surrogate does not use the meta-model's law.
 
     Raises:
-        UserError: a segment changes a family in a way that is not possible.
+        UserError: a segment changes a family in an invalid way.
     """
     if study.chain is None:
         return [DesignSpec(study.family, study.surrogate, study.meta_model if study.family else None)]
@@ -97,19 +97,19 @@ def segment_designs(study: Study) -> list[DesignSpec | None]:
 
 
 def distinct_designs(study: Study) -> list[DesignSpec]:
-    """What the chain's modules are made of, each design once."""
+    """Return the distinct designs of the chain's modules."""
     return list({design.name: design for design in segment_designs(study) if design is not None}.values())
 
 
 def chain_segments(
-    bench: Workbench,
+    bench: RunContext,
     study: Study,
     stages: Sequence[DesignStages],
     module_of: ModuleOf = family_module,
 ) -> list[Segment]:
-    """The segments of the study's chain, for `build_chain`.
+    """Return the segments of the study's chain, for `build_chain`.
 
-    `module_of` makes a module, called as `family_module`.
+    `module_of` builds a module, with the signature of `family_module`.
     """
     chain: ChainConfig = study.need("chain", "a simulation")
     made = {s.design.name: s for s in stages}
@@ -122,7 +122,7 @@ def chain_segments(
     segments = []
     like = next(
         module for module in modules if module is not None
-    )  # whose length and section rigid pieces take
+    )  # gives rigid pieces their length and section
     for segment, module in zip(configs, modules, strict=True):
         like = module or like
         piece: Module | RigidPiece | None = module
@@ -133,7 +133,7 @@ def chain_segments(
             else:
                 piece = rigid_rod(length, rigid.mass_kg or 0.0, rigid.radius_m)
         assert piece is not None
-        own = actuators_of(segment.actuators)
+        own = actuators_from_configs(segment.actuators)
         segments.append(
             Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share, own)
         )
@@ -141,12 +141,12 @@ def chain_segments(
 
 
 def _family_module(
-    bench: Workbench,
+    bench: RunContext,
     study: Study,
     stages: DesignStages,
     module_of: ModuleOf,
 ) -> Module | None:
-    """A module of the design's family, or None without one."""
+    """Return a module of the design's family, or None without one."""
     chain = study.need("chain", "a simulation")
     if stages.design.family is None:
         return None
@@ -156,7 +156,7 @@ def _family_module(
             "'family' block; here the family gives them."
         )
     family: ActuatorFamily = bench.build("family", stages.design.family)
-    density = density_of(study)
+    density = material_density(study)
     if density is None and np.any(chain.gravity_m_s2):
         raise UserError(
             "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
@@ -165,12 +165,12 @@ def _family_module(
 
 
 def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
-    length, mass, radius, offset = (_of_rod(segment, chain, name) for name in OF_RODS)
+    length, mass, radius, offset = (_rod_dimension(segment, chain, name) for name in OF_RODS)
     return rod_module(law, length, mass, radius, offset)
 
 
-def _of_rod(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any:
-    """A measure of a module without a family: the segment's own or else the chain's; its length must be given."""
+def _rod_dimension(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any:
+    """Return a dimension of a module without a family: the segment's or else the chain's; the length is required."""
     own = getattr(segment, name)
     value = getattr(chain, name) if own is None else own
     if value is None and name == "module_length_m":
@@ -178,8 +178,8 @@ def _of_rod(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any:
     return value
 
 
-def chain_length_m(bench: Workbench, study: Study) -> float:
-    """Length of the study's chain at rest, from its families or rods alone, before any law is made.
+def chain_length_m(bench: RunContext, study: Study) -> float:
+    """Return the length of the study's chain at rest, from its families or rods without any law.
 
     Raises:
         UserError: no chain, or a module without a length.
@@ -194,7 +194,7 @@ def chain_length_m(bench: Workbench, study: Study) -> float:
         elif design.family is not None:
             lengths.append(float(bench.build("family", design.family).module_length_m))
         else:
-            lengths.append(_of_rod(segment, chain, "module_length_m"))
+            lengths.append(_rod_dimension(segment, chain, "module_length_m"))
     total, like = 0.0, next(length for length in lengths if length is not None)
     for segment, length in zip(segments, lengths, strict=True):
         like = length or like
@@ -202,11 +202,11 @@ def chain_length_m(bench: Workbench, study: Study) -> float:
     return total
 
 
-def density_of(study: Study) -> float | None:
+def material_density(study: Study) -> float | None:
     return float(study.material.density_kg_m3) if study.material else None
 
 
 def region_densities(study: Study) -> dict[str, float]:
-    """Density by region of the module."""
-    regions = study.material.of_regions() if study.material else {}
+    """Return the density by region of the module."""
+    regions = study.material.region_materials() if study.material else {}
     return {name: float(config.density_kg_m3) for name, config in regions.items()}

@@ -1,4 +1,4 @@
-"""Stage 4: a chain in an engine, under a task, with effects."""
+"""Stage 4: simulation of a chain in an engine, under a task, with effects."""
 
 from __future__ import annotations
 
@@ -13,18 +13,13 @@ import numpy as np
 from pliant.config.noise import UncertaintyConfig
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
-from pliant.interfaces.physics import (
-    PhysicsBackend,
-    PhysicsConfig,
-    SceneSimulation,
-    Simulation,
-    SimulationState,
-)
+from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig, SceneBackend
+from pliant.interfaces.simulation import SceneSimulation, Simulation, SimulationState
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.mechanics.law_draws import draws
 from pliant.mechanics.shared_actuation import shared, unshared
 from pliant.pipeline.engine_checks import check_asked, check_capabilities, check_terms
-from pliant.pipeline.workbench import Workbench, content
+from pliant.pipeline.workbench import RunContext, content
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -37,7 +32,7 @@ from pliant.store.store import Artifact
 
 
 class Commands:
-    """Commands in time, and what the effects' input maps let through: maps take whole histories from the start."""
+    """Commands over time and the inputs after the effects' input maps, which use whole histories from the start."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -46,17 +41,17 @@ class Commands:
         self._present: Inputs | None = None
 
     def give(self, inputs: Inputs) -> Inputs:
-        """A new command; what it comes to after a long wait."""
+        """Set a new command and return its inputs after a long wait."""
         self._present = inputs
         return self._acting(())
 
     def wait(self) -> Inputs | None:
-        """The present command holds for so long that its past is forgotten."""
+        """Hold the present command so long that its history is discarded; return the resulting inputs."""
         self._past = [] if self._present is None else [(self._time_s, self._present)]
         return None if self._present is None else self._acting(())
 
     def pass_time(self, duration_s: float) -> Inputs | None:
-        """What acts at the end of a step with the present command."""
+        """Advance the time with the present command and return the inputs at the end of the step."""
         self._time_s += duration_s
         if self._present is None:
             return None
@@ -65,14 +60,14 @@ class Commands:
         return acting
 
     def go_back(self, time_s: float) -> None:
-        """Forget what was commanded after this time."""
+        """Discard the commands after this time."""
         self._time_s = time_s
         self._past = [entry for entry in self._past if entry[0] <= time_s]
 
     def _acting(self, past: Sequence[tuple[float, Inputs]]) -> Inputs:
         assert self._present is not None
         commands = [*past, (self._time_s, self._present)]
-        history = History.of(
+        history = History.from_arrays(
             {n: np.array([inputs.actuation[n] for _, inputs in commands]) for n in self._present.actuation},
             np.array([time_s for time_s, _ in commands]) if past else None,
             tip_force_n=np.array([inputs.tip_force_n for _, inputs in commands]),
@@ -83,7 +78,7 @@ class Commands:
 
 
 class WithInputs(Simulation):
-    """A simulation whose inputs pass through the effects' input maps first; `settle` waits for long."""
+    """A simulation whose inputs pass through the effects' input maps; `settle` waits until they are constant."""
 
     def __init__(self, inner: Simulation, model: Model) -> None:
         self.inner, self.chain = inner, inner.chain
@@ -109,7 +104,7 @@ class WithInputs(Simulation):
         return self.inner.advance(duration_s)
 
     def _let_pass(self, duration_s: float) -> None:
-        """Give the inner simulation what acts at the end of a step."""
+        """Set the inputs of the inner simulation at the end of a step."""
         acting = self._commands.pass_time(duration_s)
         if acting is not None:
             self.inner.apply(acting)
@@ -129,7 +124,7 @@ class WithInputs(Simulation):
 
 
 class SceneWithInputs(SceneSimulation):
-    """A scene whose arms' inputs pass through the effects' input maps first, each arm with its own past."""
+    """A scene whose arms' inputs pass through the effects' input maps, each arm with its own history."""
 
     def __init__(self, inner: SceneSimulation, model: Model) -> None:
         self.inner, self.scene = inner, inner.scene
@@ -142,7 +137,7 @@ class SceneWithInputs(SceneSimulation):
     def step(self, duration_s: float) -> None:
         acting = [commands.pass_time(duration_s) for commands in self._commands]
         given = [inputs for inputs in acting if inputs is not None]
-        if given:  # all arms are commanded together
+        if given:  # all arms are commanded at once
             self.inner.apply(given)
         self.inner.step(duration_s)
 
@@ -175,7 +170,7 @@ class SceneWithInputs(SceneSimulation):
 
 @dataclass(frozen=True)
 class ChainSource:
-    """A chain with everything that determined it, for the keys of what is made from it."""
+    """A chain with its inputs, for the keys of artifacts derived from it."""
 
     chain: ChainModel
     config: Mapping[str, Any]
@@ -184,7 +179,7 @@ class ChainSource:
 
 
 def simulate_stage(
-    bench: Workbench,
+    bench: RunContext,
     source: ChainSource,
     physics: PhysicsConfig,
     task: TaskConfig,
@@ -193,8 +188,7 @@ def simulate_stage(
 ) -> Artifact:
     """Run the task; the artifact's value is a `TaskResult`.
 
-    With `uncertainty`, the task is run with `samples` chains whose laws are drawn, and the value is the dict of
-    `spread`.
+    With `uncertainty`, the task is run with `samples` chains of drawn laws, and the value is the dict of `spread`.
 
     Raises:
         MissingDependencyError: an engine that is not installed.
@@ -249,7 +243,7 @@ def run_task(
     """Apply the effects to the prepared chain, simulate it under the task, map the result.
 
     Raises:
-        UserError: the engine cannot simulate it, or a joint leaves its law's data and the task calls that an error.
+        UserError: the engine cannot simulate it, or a joint leaves its law's data and the task forbids that.
     """
     model = Model(task.prepare(chain))
     for effect in effects:
@@ -257,6 +251,7 @@ def run_task(
     check_terms(backend, model.chain)
     check_asked(backend, task)
     if isinstance(task, SceneTask):
+        assert isinstance(backend, SceneBackend)  # by `check_asked`
         result = task.run(model.chain, _scene_engine(backend, model))
     else:
         with backend.build(model.chain) as simulation:
@@ -266,7 +261,7 @@ def run_task(
     # Output maps may depend on the sum of the last inputs; a task may leave no history.
     last = -1 if result.last_held is None else result.last_held
     acting = {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[last]))}
-    reported = model.reported({**result.metrics, **acting})
+    reported = model.reported({**result.metrics, **acting}) if effects else result.metrics
     metrics = {name: reported[name] for name in reported if name != "actuation"}
     if isinstance(task, Task):
         metrics |= task.against_readings(model.chain, result, model.reported)
@@ -285,34 +280,34 @@ def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:
     )
 
 
-def _scene_engine(backend: PhysicsBackend, model: Model) -> SceneEngine:
-    """The engine's scenes, with the effects' input maps in front of them."""
+def _scene_engine(backend: SceneBackend, model: Model) -> SceneEngine:
+    """Return the engine's scenes, preceded by the effects' input maps."""
     if not model.inputs:
         return backend.build_scene
     return lambda scene: SceneWithInputs(backend.build_scene(scene), model)
 
 
 def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:
-    """Chains whose laws are drawn from their error bars; laws that state no error stay.
+    """Return chains whose laws are drawn from their error bars; laws without an error bar are unchanged.
 
     Raises:
-        UserError: no law states one.
+        UserError: no law states an error.
     """
-    if all(law.error is None for law in chain.laws):
+    if not any(law.states_error for law in chain.laws):
         raise UserError(
             "'uncertainty' needs a law with an error bar, and the laws of this chain state none (laws of given "
             "coefficients have none); fit the law to data or leave the block out."
         )
-    # a stream for each law, so that no seed's laws share the draws of another's
+    # one random stream for each law, so that laws of one seed are independent
     inside = list(dict.fromkeys(unshared(law)[0] for law in chain.laws))
     seeds = np.random.SeedSequence(seed).generate_state(len(inside))
     drawn = {
-        law: (law,) * count if law.error is None else draws(law, count, int(own))
+        law: (law,) * count if not law.states_error else draws(law, count, int(own))
         for law, own in zip(inside, seeds, strict=True)
     }
 
     def nth(law: JointLaw, number: int) -> JointLaw:
-        """Segments that get different shares of the actuation have one law, and one error."""
+        """Return the draw of a law; segments with different shares of the actuation share one law and one error."""
         own, share = unshared(law)
         return shared(drawn[own][number], share)
 
@@ -320,11 +315,11 @@ def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:
 
 
 def spread(results: Sequence[TaskResult], level: float) -> dict[str, Any]:
-    """What drawn laws came to.
+    """Return statistics of the results of drawn laws.
 
-    `tips_m` (n, 3) of the runs that settled; `tip_low_m`, `tip_high_m` (3,) the interval that holds `level` of them
-    in each coordinate; `tip_radius_m` of the ball about their mean `tip_mean_m` that holds as many; `metrics`: name
-    → low and high of each number that the task measures; `failed`: runs that did not settle.
+    `tips_m` (n, 3) of the runs that settled; `tip_low_m`, `tip_high_m` (3,) the interval that contains the share
+    `level` of them in each coordinate; `tip_radius_m` of the ball about their mean `tip_mean_m` with the same share;
+    `metrics`: name → low and high of each number that the task measures; `failed`: runs that did not settle.
     """
     settled = [r for r in results if r.final.converged and not r.not_reached]
     sides = [(1 - level) / 2, (1 + level) / 2]
@@ -341,7 +336,7 @@ def spread(results: Sequence[TaskResult], level: float) -> dict[str, Any]:
     mean = tips.mean(axis=0)
     radius = float(np.quantile(np.linalg.norm(tips - mean, axis=1), level))
     told |= {"tip_mean_m": mean, "tip_low_m": low, "tip_high_m": high, "tip_radius_m": radius, "metrics": {}}
-    for name in settled[0].metrics:  # those that are one number in every run
+    for name in settled[0].metrics:  # metrics that are single numbers in every run
         values: list[Any] = [one.metrics.get(name) for one in settled]
         if all(isinstance(v, float | int) and not isinstance(v, bool) for v in values):
             low, high = map(float, np.quantile(values, sides))

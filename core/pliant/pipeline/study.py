@@ -1,4 +1,4 @@
-"""A study through its stages: which blocks it has decides which stages run."""
+"""Stages of a study; its blocks determine which stages run."""
 
 from __future__ import annotations
 
@@ -8,41 +8,42 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
-from pliant.config.mjcf_files import files_of
+from pliant.config.mjcf_files import referenced_files
 from pliant.config.problems import sentences
-from pliant.config.study import BLOCKS, Study
+from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
-from pliant.formatting import display_unit
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.material import require_regions
+from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import Surrogate
-from pliant.interfaces.task import TaskConfig
-from pliant.pipeline.chain import (
-    build_chain,
-)
+from pliant.pipeline.chain import build_chain
+from pliant.pipeline.checks import SelfCheck
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.engine_checks import check_engines
+from pliant.pipeline.equilibrium_tolerance import tolerance_remarks
 from pliant.pipeline.loads import loads_stage
-from pliant.pipeline.meta_model.designs import solved_designs, values_of
-from pliant.pipeline.meta_model.stage import law_of_design, meta_model_stage
+from pliant.pipeline.meta_model.designs import design_values, solved_designs
+from pliant.pipeline.meta_model.stage import meta_model_law, meta_model_stage
+from pliant.pipeline.remarks import load_remarks, turned_remarks, unused_blocks, unusual_numbers
 from pliant.pipeline.segments import (
     DesignSpec,
     DesignStages,
     chain_segments,
-    density_of,
     distinct_designs,
+    material_density,
     region_densities,
     segment_designs,
 )
 from pliant.pipeline.simulate import ChainSource, simulate_stage
-from pliant.pipeline.surrogate import law_stage, without_tables
+from pliant.pipeline.surrogate import LawStage, law_stage, stated_stage, without_tables
+from pliant.pipeline.unread import unread_by_law
 from pliant.pipeline.visual import seen_surface
-from pliant.pipeline.workbench import Workbench, content, digest
+from pliant.pipeline.workbench import RunContext, content, digest
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
+from pliant.registry.block import kind_blocks
 from pliant.registry.component import Component
 from pliant.store.store import Artifact
 
@@ -52,7 +53,7 @@ DEFAULT_PHYSICS = "quasistatic"
 
 @dataclass(frozen=True)
 class EngineRun:
-    """One engine's answer to the task, or why it was skipped."""
+    """One engine's result of the task, or the reason for skipping it."""
 
     kind: str
     artifact: Artifact | None
@@ -66,17 +67,31 @@ class EngineRun:
 
 @dataclass(frozen=True)
 class StudyRun:
-    """Everything that a study's stages made."""
+    """Results of all stages of a study."""
 
     study: Study
     designs: tuple[DesignStages, ...]
     chain: ChainModel | None = None
     engines: tuple[EngineRun, ...] = ()
     wall_s: float = 0.0
-    unused: tuple[str, ...] = ()
     uncertainty: Artifact | None = None
-    remarks: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     loads: Artifact | None = None
+    checked: SelfCheck | None = None
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """The blocks that are set but that no stage of this run reads."""
+        return tuple(unused_blocks(self.study, [design.fem is not None for design in self.designs]))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on unusual numbers of the study and its loads, and on what the run and its checks doubt."""
+        chain, task = self.chain, self.study.task
+        if chain is None or task is None:
+            return self.doubts
+        of_chain = (*load_remarks(chain, task), *turned_remarks(self.study, chain))
+        return (*of_chain, *unusual_numbers(self.study), *self.doubts)
 
     @property
     def segment_designs(self) -> tuple[int, ...]:
@@ -88,8 +103,8 @@ class StudyRun:
         return tuple(known.index(design.name) if design else 0 for design in of_segments)
 
 
-def law_components(bench: Workbench, stages: Sequence[DesignStages]) -> list[Component]:
-    """The surrogates and meta-models behind the laws, each once."""
+def law_components(bench: RunContext, stages: Sequence[DesignStages]) -> list[Component]:
+    """Return the distinct surrogates and meta-models of the laws."""
     kinds = [
         ("meta_model", s.design.meta_model.kind)
         if s.design.meta_model
@@ -99,82 +114,121 @@ def law_components(bench: Workbench, stages: Sequence[DesignStages]) -> list[Com
     return [bench.registry.get(interface, kind) for interface, kind in dict.fromkeys(kinds)]
 
 
-def check_study(bench: Workbench, study: Study) -> None:
-    """Build every plugin that the study names, so that a wrong design or a missing package shows at once.
+def check_study(bench: RunContext, study: Study) -> None:
+    """Build every plugin that the study names, so that an invalid design or a missing package is reported at once.
 
-    Engines of `cross_check` may be missing: they are skipped later.
+    Missing engines of `cross_check` are skipped later.
     """
-    for design in distinct_designs(study):
-        if design.family is not None:
-            built: ActuatorFamily = bench.build("family", design.family)
-            if design.family.visual is not None:
-                seen_surface(built)
-            if study.fem is not None:
-                study.fem.actuation_max(built.actuation)
-            if study.material is not None:
-                require_regions(built.regions, study.material.of_regions())
+    families = check_families(bench, study)
+    for design, family in zip(distinct_designs(study), families, strict=True):
         if design.surrogate is not None:
             surrogate: Surrogate = bench.build("surrogate", design.surrogate)
-            if design.family is not None and surrogate.needs_fem():
-                surrogate.check_actuations(built.actuation)
-    for key, interface in BLOCKS.items():
-        if getattr(study, key) is not None:
-            bench.build(interface, getattr(study, key))
+            if family is not None and surrogate.needs_fem():
+                surrogate.check_actuations(family.actuation)
+    for key, interface in kind_blocks().items():
+        if (block := study.block(key)) is not None:
+            bench.build(interface, block)
     for effect in study.effects:
         bench.build("effect", effect)
 
 
-def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
-    """The FEM data of each distinct design of the study."""
+def check_families(bench: RunContext, study: Study) -> list[ActuatorFamily | None]:
+    """Build and return the family of each distinct design, and check that the FEM block and the material fit it."""
+    families: list[ActuatorFamily | None] = []
+    for design in distinct_designs(study):
+        if design.family is None:
+            families.append(None)
+            continue
+        built: ActuatorFamily = bench.build("family", design.family)
+        if design.family.visual is not None:
+            seen_surface(built)
+        if study.fem is not None:
+            study.fem.actuation_max(built.actuation)
+        if study.material is not None:
+            require_regions(built.regions, study.material.region_materials())
+        families.append(built)
+    return families
+
+
+def solve_study_fem(bench: RunContext, study: Study) -> tuple[Artifact, ...]:
+    """Return the FEM data of each distinct design of the study."""
     study.need("family", "FEM")
-    return tuple(_fem(bench, study, family) for family in families_of_study(study))
+    material, fem = study.need("material", "FEM"), study.need("fem", "FEM")
+    artifacts = []
+    for family in study_families(study):
+        artifacts.append(fem_stage(bench, family, material, fem))
+    return tuple(artifacts)
 
 
-def families_of_study(study: Study) -> tuple[FamilyConfig, ...]:
-    """The family of each distinct design, in the order of `fem_of_study`."""
+def study_families(study: Study) -> tuple[FamilyConfig, ...]:
+    """Return the family of each distinct design, in the order of `solve_study_fem`."""
     return tuple({repr(d.family.canonical()): d.family for d in distinct_designs(study) if d.family}.values())
 
 
-def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
-    """Data and law of each distinct design of the study; a design of its meta-model has no data of its own.
+def build_study_laws(bench: RunContext, study: Study) -> tuple[DesignStages, ...]:
+    """Return data and law of each distinct design of the study; a design with a meta-model has no FEM data.
 
     Raises:
-        UserError: among others, a design for which the meta-model does not hold.
+        UserError: among others, a design outside the meta-model's range.
     """
     designs, meta = distinct_designs(study), None
     wanted = [design.family for design in designs if design.meta_model is not None]
     if study.meta_model is not None and wanted:
         solved = solved_designs(bench, study)
         d = solved.designs
-        for family in wanted:  # that it holds for them is known before it is fitted
+        for family in wanted:  # its range is checked before it is fitted
             assert family is not None
-            values_of(d.names, d.box, d.fixed, family, study.material, study.meta_model.extrapolate)
+            design_values(d.names, d.box, d.fixed, family, study.material, study.meta_model.extrapolate)
         meta = meta_model_stage(bench, study, solved)
 
     def stages(design: DesignSpec) -> DesignStages:
         if meta is None or design.meta_model is None or design.family is None:
             return own_law(bench, study, design)
-        return DesignStages(design, None, law_of_design(bench, meta, design.family, study.material))
+        return DesignStages(design, None, meta_model_law(bench, meta, design.family, study.material))
 
     return tuple(map(stages, designs))
 
 
-def own_law(bench: Workbench, study: Study, design: DesignSpec) -> DesignStages:
-    """Data and law of a design that takes none from a meta-model."""
+def own_law(bench: RunContext, study: Study, design: DesignSpec) -> DesignStages:
+    """Return data and law of a design without a meta-model."""
     if study.meta_model is not None and design.family is None and design.surrogate is None:
         study.need("family", "a meta-model")
     surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
-    fem = _fem(bench, study, design.family) if design.family and needs_fem(bench, design) else None
-    return DesignStages(design, fem, law_stage(bench, surrogate, fem))
+    stated = stated_law(bench, study, design)
+    fem = None
+    if stated is None and design.family and needs_fem(bench, study, design):
+        fem = fem_stage(bench, design.family, study.need("material", "FEM"), study.need("fem", "FEM"))
+    elif design.family is not None and not (stated is not None and stated.stated_for_design):
+        unread = unread_by_law(bench.build("surrogate", surrogate), design.family, study.material)
+        if unread:
+            bench.progress.note(unread)
+    return DesignStages(design, fem, stated if stated is not None else law_stage(bench, surrogate, fem))
 
 
-def law_of_table(
-    bench: Workbench, table: Path, kind: str, settings: Mapping[str, Any] | None = None
+def stated_law(bench: RunContext, study: Study, design: DesignSpec) -> LawStage | None:
+    """Return the law that a design's surrogate states, or its family has in closed form; None if it is fitted.
+
+    A family's closed form is used if the study has neither a `surrogate` nor a `fem` block.
+    """
+    family = bench.build("family", design.family) if design.family is not None else None
+    material = bench.build("material", study.material) if study.material is not None else None
+
+    def default() -> Any:
+        return _default(bench, "surrogate", DEFAULT_SURROGATE)
+
+    config = design.surrogate
+    if config is None and study.fem is not None:
+        config = default()
+    return stated_stage(bench, config, default, family, material)
+
+
+def law_from_table(
+    bench: RunContext, table: Path, kind: str, settings: Mapping[str, Any] | None = None
 ) -> DesignStages:
-    """The law that a surrogate of this kind, with these keys of its block, fits to a table of anybody's.
+    """Fit a law to any table by a surrogate of this kind with these keys of its block.
 
     Raises:
-        UserError: a key that the surrogate does not have, or what is wrong with the table.
+        UserError: a key that the surrogate does not have, or an error in the table.
     """
     model = bench.registry.get("surrogate", kind).config_model()
     try:
@@ -184,18 +238,21 @@ def law_of_table(
     return DesignStages(DesignSpec(None, config), None, law_stage(bench, config, None))
 
 
-def needs_fem(bench: Workbench, design: DesignSpec) -> bool:
-    """Whether the law of a design is fitted to FEM of its own."""
-    surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
-    wanted: bool = design.meta_model is None and bench.build("surrogate", surrogate).needs_fem()
-    return wanted and design.family is not None
+def needs_fem(bench: RunContext, study: Study, design: DesignSpec) -> bool:
+    """Return whether the law of a design is fitted to FEM of that design."""
+    if design.meta_model is not None or design.family is None:
+        return False
+    surrogate: Surrogate = bench.build(
+        "surrogate", design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
+    )
+    return surrogate.needs_fem() and stated_law(bench, study, design) is None
 
 
-def chain_of_study(bench: Workbench, study: Study, mounted: bool = False) -> ChainSource:
-    """The study's chain, all stages before it done; effects are not in it.
+def build_study_chain(bench: RunContext, study: Study, mounted: bool = False) -> ChainSource:
+    """Return the study's chain after all earlier stages, without effects.
 
     Raises:
-        UserError: among others, a chain on somebody else's arm, unless `mounted` says that the caller can have one.
+        UserError: among others, a chain on an imported arm, unless the caller supports it (`mounted`).
     """
     chain = study.need("chain", "a simulation")
     if chain.base.mount is not None and not mounted:
@@ -204,23 +261,23 @@ def chain_of_study(bench: Workbench, study: Study, mounted: bool = False) -> Cha
             "simulated, drawn and exported (pliant run, render, export)."
         )
     check_study(bench, study)
-    return _chain_source(bench, study, laws_of_study(bench, study))
+    return _chain_source(bench, study, build_study_laws(bench, study))
 
 
-def physics_of_study(bench: Workbench, study: Study) -> Any:
-    """The config of the study's engine, or of the default one."""
+def study_physics(bench: RunContext, study: Study) -> Any:
+    """Return the config of the study's engine, or of the default one."""
     return study.physics or _default(bench, "physics", DEFAULT_PHYSICS)
 
 
-def simulate_study(bench: Workbench, study: Study) -> StudyRun:
-    """All stages up to the task in the study's engine and in those of `cross_check`."""
+def simulate_study(bench: RunContext, study: Study) -> StudyRun:
+    """Run all stages up to the task in the study's engine and in those of `cross_check`."""
     started = time.perf_counter()
     study.need("chain", "a simulation")
     task = study.noisy_task()
-    physics = physics_of_study(bench, study)
+    physics = study_physics(bench, study)
     check_study(bench, study)
     check_engines(bench, study, physics, *study.cross_check)
-    designs = laws_of_study(bench, study)
+    designs = build_study_laws(bench, study)
     source = _chain_source(bench, study, designs)
     engines = [EngineRun(physics.kind, simulate_stage(bench, source, physics, task, study.effects))]
     for other in study.cross_check:
@@ -234,41 +291,48 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     if study.uncertainty is not None:
         spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
     own = engines[0].result
-    loads = None if own is None else loads_stage(bench, source, physics, task, study.effects, own)
+    loads = None
+    if own is not None and any(task.tip_load(source.chain.payload_kg)):
+        loads = loads_stage(bench, source, physics, task, study.effects, own)
     wall_s = time.perf_counter() - started
-    unused, remarks = tuple(study.unused()), load_remarks(source.chain, task)
-    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, unused, spread, remarks, loads)
+    configs = [physics, *study.cross_check]
+    damping = _damping_remarks(bench, configs, engines)
+    ran = [one for one, run in zip(configs, engines, strict=True) if run.artifact is not None]
+    settled = tolerance_remarks(source.chain, [bench.build("physics", one) for one in ran])
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, spread, (*damping, *settled), loads)
 
 
-# A payload heavier than the chain by more is likely one in grams.
-HEAVY = 100.0
+# Metrics of motion that depend on damping.
+OF_MOTION = ("_hz", "damping_ratio", "rise_time_s", "settling_time_s", "overshoot_share")
 
 
-def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
-    """What is odd about the payload, the task's or else the chain's: it weighs nothing, or far too much."""
-    own = getattr(task, "payload_kg", None)
-    payload_kg = chain.payload_kg if own is None else float(own)
-    mass_kg = sum(body.mass_kg for body in chain.bodies)
-    words = display_unit("kg")
-    found = []
-    if payload_kg > 0.0 and not np.any(chain.gravity_m_s2):
-        found.append("The payload weighs nothing: chain.gravity is [0, 0, 0].")
-    if payload_kg > HEAVY * mass_kg > 0.0:
-        grams = words.text(payload_kg / 1000.0)
-        found.append(f"A payload of {payload_kg:g} kg on a chain of {words.text(mass_kg, 2)}: is it {grams}?")
-    return tuple(found)
+def _damping_remarks(
+    bench: RunContext, configs: Sequence[PhysicsConfig], engines: Sequence[EngineRun]
+) -> list[str]:
+    """Return a sentence for each engine whose own damping affects the metrics of motion."""
+    said = []
+    for config, run in zip(configs, engines, strict=True):
+        metrics = run.result.metrics if run.result is not None else {}
+        names = [name for name, value in metrics.items() if name.endswith(OF_MOTION) and value is not None]
+        added = bench.build("physics", config).added_damping() if names else ""
+        if added:
+            said.append(
+                f"{config.kind} adds {added} to all motion, which is no property of the body: {', '.join(names)} "
+                "include it. Set it to 0 in 'physics' for the chain's own dynamics."
+            )
+    return said
 
 
 def arm_content(study: Study) -> dict[str, Any]:
-    """What keys hold of the arm that carries the chain: its meshes and included files count by their content."""
+    """Return the key content of the arm that carries the chain: its meshes and included files by their content."""
     mount = study.chain.base.mount if study.chain is not None else None
-    return {} if mount is None else {"arm": [digest(file) for file in files_of(mount.file)]}
+    return {} if mount is None else {"arm": [digest(file) for file in referenced_files(mount.file)]}
 
 
-def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
+def _chain_source(bench: RunContext, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
-    # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
-    # tables is in the keys of the laws.
+    # Parsed segments, not their notation: "2 mm" and "0.002" give the same chain. The content of tables is in the keys
+    # of the laws.
     pieces = [
         without_tables({k: v for k, v in content(segment).items() if k != "family"})
         for segment in chain.as_segments()
@@ -278,7 +342,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "segments": pieces,
         "families": [content(d.family) if d and d.family else None for d in segment_designs(study)],
         "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
-        "density_kg_m3": density_of(study),
+        "density_kg_m3": material_density(study),
     }
     config |= arm_content(study)
     if own := region_densities(study):
@@ -288,14 +352,10 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
     inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
     built = build_chain(chain, chain_segments(bench, study, stages))
     if built.parts.max() > 1:
-        # Results of before, which counted it once for each actuator, are no results of this chain.
+        # Older results, which counted it once for each actuator, are not valid for this chain.
         config["elasticity"] = "once"
     return ChainSource(built, config, inputs, components)
 
 
-def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
-    return fem_stage(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"))
-
-
-def _default(bench: Workbench, interface: str, kind: str) -> Any:
+def _default(bench: RunContext, interface: str, kind: str) -> Any:
     return bench.registry.get(interface, kind).config_model()(kind=kind)

@@ -1,7 +1,7 @@
-"""The FEM data of many designs: the study's sweep over any executor, resumed from the store.
+"""FEM data of many designs: the study's sweep over any executor, resumed from the store.
 
-Every design is an artifact of its own, so that whatever ends a sweep, the next one goes on from the finished
-designs, and within a design from its finished states. A design that cannot be had is a record with its cause.
+Every design is a separate artifact, so that after an interruption the next sweep resumes from the finished designs,
+and a design from its finished states. A design without data is a record with its cause.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import io
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,7 +20,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pliant.config.designs import SweptDesign, sweep_designs
+from pliant.config.designs import SweptDesign, material_parameters, sweep_designs
 from pliant.config.study import Study
 from pliant.errors import InvalidDesignError, NotReachedError, PliantError, UserError
 from pliant.execution.executors import (
@@ -34,9 +34,10 @@ from pliant.execution.executors import (
 from pliant.execution.jobs import Finished, JobQueue
 from pliant.execution.progress import Once, ProgressBar
 from pliant.execution.progress_store import JobProgress, progress_store_in
+from pliant.fem_tables.writing import write_table
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.remote import other_version, registry_with, store_seen
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
 from pliant.store.parcel import packed, received
 from pliant.store.store import (
@@ -47,12 +48,11 @@ from pliant.store.store import (
     load_artifact,
     write_atomically,
 )
-from pliant.tabular.fem_writing import write_table
 
 Status = Literal["done", "refused", "not_reached", "error", "crashed", "busy", "stop"]
 POLL_S = 0.5
 ARRIVES_WITHIN_S = 90.0
-NUMBER = "design"  # the column of a sweep's table
+NUMBER = "design"  # column of a sweep's table
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class SweepJob:
     Attributes:
         number: of the design in its sweep.
         configs: family, material and fem as JSON values.
-        plugins: Python files with kinds of the user's own.
+        plugins: Python files with the user's kinds.
         store: root of the store.
-        progress: a folder in the store that the driver made (`ProgressStore`): its presence shows that the store is
-            shared; a worker that does not see it works in a store of its own, and its artifact comes back as bytes.
-        key: of the artifact, as the driver's own code and libraries name it.
-        waits: whether to wait for another process that computes this design now; else the answer is "busy".
+        progress: a folder that the driver made in the store (`ProgressStore`): its presence shows that the store is
+            shared; a worker that does not see it uses a local store and returns its artifact as bytes.
+        key: of the artifact, by the driver's code and libraries.
+        waits: whether to wait for another process that is computing this design; else the answer is "busy".
     """
 
     number: int
@@ -80,8 +80,8 @@ class SweepJob:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """How a design ended: `stop` is a mistake that no other design would escape.
+class WorkerOutcome:
+    """Outcome of a design in a worker: `stop` is a mistake that affects every design.
 
     `parcel` is the artifact as bytes, from a worker that does not see the store.
     """
@@ -93,11 +93,11 @@ class Answer:
     parcel: bytes = b""
 
 
-def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
-    """Solve one design in a worker, unless the store has it; `say` hears of its states where that is this process.
+def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> WorkerOutcome:
+    """Solve one design in a worker, unless the store has it; `say` is notified of its states in this process.
 
-    The worker finds its own plugins and opens the store by its path, or one of its own host. It never raises:
-    whatever happens to a design is an answer.
+    The worker finds its own plugins and opens the store by its path, or a store of its host. It never raises: every
+    failure of a design is an answer.
     """
     started = time.perf_counter()
     progress: JobProgress | None = None
@@ -109,20 +109,20 @@ def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
         with tempfile.TemporaryDirectory() if not shared else nullcontext(job.progress) as folder:
             progress = JobProgress(Path(folder) / str(job.number), say)
             if not job.waits and store.computed_elsewhere("fem", job.key):
-                return Answer("busy")
-            status, cause = _solved(job, Workbench(registry_with(job.plugins), store, progress))
+                return WorkerOutcome("busy")
+            status, cause = _solved(job, RunContext(registry_with(job.plugins), store, progress))
         if status == "done" and not shared:
             parcel = packed(store.root / "fem" / job.key)
     except PliantError as error:
         cause = str(error)
-    except OSError as error:  # the folder or the store went away
+    except OSError as error:  # the folder or the store was removed
         status, cause = "stop", f"worker on {platform.node()}: {error}."
     notes = tuple(progress.notes) if progress else ()
-    return Answer(status, cause, time.perf_counter() - started, notes, parcel)
+    return WorkerOutcome(status, cause, time.perf_counter() - started, notes, parcel)
 
 
-def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
-    """Status and cause; raises `UserError` for what concerns every design."""
+def _solved(job: SweepJob, bench: RunContext) -> tuple[Status, str]:
+    """Return status and cause; raise `UserError` for mistakes that affect every design."""
     try:
         family, material, fem = (
             bench.registry.config_model(interface, config).model_validate(config)
@@ -135,7 +135,7 @@ def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
         return "not_reached", str(error)
     except UserError:
         raise
-    except (Exception, SystemExit) as error:  # a plugin may fail in any way
+    except (Exception, SystemExit) as error:  # a plugin may raise anything
         return "error", ": ".join(filter(None, (type(error).__name__, " ".join(str(error).split()))))
     if made.key != job.key:
         raise other_version(" (its result has another key)")
@@ -144,20 +144,20 @@ def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
 
 @dataclass(frozen=True)
 class DesignOutcome:
-    """How one design of a sweep ended.
+    """Outcome of one design of a sweep.
 
     Attributes:
-        design: what was asked.
+        design: the requested design.
         status: done, refused (by its family), not_reached (its FEM), error (unexpected), crashed (its worker died).
         cause: why it is not done.
-        key: of its artifact in the store; empty where there is none.
+        key: of its artifact in the store; "" without one.
         folder: of the artifact.
         n_states, n_failed, self_contact: states solved, not reached, and solved with overlapping convolutions.
-        passed_through: states that overlap and that `fem.self_contact: pass` lets pass.
+        passed_through: overlapping states that `fem.self_contact: pass` allows.
         free_angle_rad: the largest angle of the free branch (m for a prismatic joint).
         joint: kind of the module's joint.
-        wall_s: what its FEM took when it was made.
-        cached: whether it was there before this sweep.
+        wall_s: time of its FEM when it was solved.
+        cached: whether it existed before this sweep.
         failed: the states that were not reached.
     """
 
@@ -177,8 +177,8 @@ class DesignOutcome:
     failed: tuple[Mapping[str, object], ...] = ()
 
     @staticmethod
-    def of(design: SweptDesign, made: Artifact, cached: bool) -> DesignOutcome:
-        """The outcome of a design that has data."""
+    def from_artifact(design: SweptDesign, made: Artifact, cached: bool) -> DesignOutcome:
+        """Return the outcome of a design that has data."""
         data: ModuleData = made.value
         free = data.branch == "free"
         main = data.deformation[:, data.axes.index(data.main_axis)]
@@ -199,7 +199,7 @@ class DesignOutcome:
         )
 
     def data(self) -> ModuleData:
-        """The design's FEM data. Raises `NotReachedError` where it has none."""
+        """Return the design's FEM data. Raises `NotReachedError` if it has none."""
         if self.folder is None:
             raise NotReachedError(f"design {self.design.number} has no FEM data: {self.cause}")
         value: ModuleData = load_artifact(self.folder).value
@@ -215,47 +215,66 @@ class SweepRun:
     wall_s: float
 
     def done(self) -> tuple[DesignOutcome, ...]:
-        """The designs that have data."""
+        """Return the designs that have data."""
         return tuple(o for o in self.outcomes if o.status == "done")
 
     def refused(self) -> tuple[DesignOutcome, ...]:
-        """The designs that their family refuses."""
+        """Return the designs that the family refuses."""
         return tuple(o for o in self.outcomes if o.status == "refused")
 
     def failed(self) -> tuple[DesignOutcome, ...]:
-        """The possible designs without data."""
+        """Return the possible designs without data."""
         return tuple(o for o in self.outcomes if o.status not in ("done", "refused"))
 
     def data(self) -> Iterator[tuple[SweptDesign, ModuleData]]:
-        """Each design that is done with its data, read from the store one by one."""
+        """Yield each finished design with its data, read from the store one by one."""
         for outcome in self.done():
             yield outcome.design, outcome.data()
 
 
 def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> None:
-    """Write the states of all designs that are done; a parameter that a design lacks is blank.
+    """Write the states of all finished designs; a parameter that a design lacks is blank.
 
-    The file appears whole or not at all; without any design it has a header only.
+    Columns `material.…` state the rubber, so that a study with another one is refused.
+    The file is written atomically; without any design it has only a header.
 
     Args:
         run: the sweep.
         path: of the table.
-        digits: significant ones of the states' numbers; all by default. Parameters of designs keep theirs.
+        digits: significant digits of the states' numbers; all by default. Parameters of designs are not rounded.
+    """
+    designs = ((d.number, d.changes, data, material_parameters(d.material)) for d, data in run.data())
+    write_designs(designs, path, digits, tuple(run.outcomes[0].design.changes if run.outcomes else ()))
+
+
+def write_designs(
+    designs: Iterable[tuple[int, Mapping[str, Any], ModuleData, Mapping[str, Any] | None]],
+    path: Path,
+    digits: int | None = None,
+    names: Sequence[str] = (),
+) -> None:
+    """Write the states of several designs as one table.
+
+    Args:
+        designs: number, parameters, data and material constants of each.
+        path: of the table.
+        digits: as for `write_sweep_table`.
+        names: parameters that have a column even without a design.
     """
     columns: dict[str, None] = {}
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as folder:
         part = Path(folder) / "part.csv"
-        for design, data in run.data():
-            write_table(data, part)
+        for number, changes, data, material in designs:
+            write_table(data, part, material)
             with part.open(encoding="utf-8", newline="") as file:
                 reader = csv.DictReader(file)
                 columns |= dict.fromkeys(reader.fieldnames or ())
                 for row in reader:
                     row = row if digits is None else {k: shortened(cell, digits) for k, cell in row.items()}
-                    own = {name: str(value) for name, value in design.changes.items()}
-                    rows.append({**own, **row, NUMBER: str(design.number)})
-    columns |= dict.fromkeys([*(run.outcomes[0].design.changes if run.outcomes else ()), NUMBER])
+                    own = {name: str(value) for name, value in changes.items()}
+                    rows.append({**own, **row, NUMBER: str(number)})
+    columns |= dict.fromkeys([*names, NUMBER])
     text = io.StringIO()
     writer = csv.DictWriter(text, list(columns), restval="", lineterminator="\n")
     writer.writeheader()
@@ -264,7 +283,7 @@ def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> N
 
 
 def shortened(cell: str, digits: int) -> str:
-    """A number with so many significant digits; whole numbers and words as they are."""
+    """Return a number with `digits` significant digits; integers and words are unchanged."""
     try:
         return cell if cell.lstrip("-").isdecimal() else f"{float(cell):.{digits}g}"
     except ValueError:
@@ -272,15 +291,15 @@ def shortened(cell: str, digits: int) -> str:
 
 
 def sweep_study(
-    bench: Workbench, study: Study, *, executor: Workers = None, workers: int | None = None
+    bench: RunContext, study: Study, *, executor: Workers = None, workers: int | None = None
 ) -> SweepRun:
-    """The FEM data of each design of the study's sweep.
+    """Return the FEM data of each design of the study's sweep.
 
     Args:
         bench: plugins, store, progress. Workers other than this process open the same store by its path.
         study: has `sweep`, `family`, `material` and `fem`.
         executor: any `concurrent.futures.Executor`, which is not shut down; or the address of a dask scheduler.
-        workers: processes of our own instead; 1 solves in this process. By default the study's, or one for each CPU.
+        workers: number of local processes instead; 1 solves in this process. Default: the study's, or one per CPU.
 
     Raises:
         UserError: the study cannot be swept, or the workers cannot work (no store, other versions).
@@ -289,7 +308,7 @@ def sweep_study(
     started = time.perf_counter()
     study.need("sweep", "a sweep")
     fem = study.need("fem", "FEM")
-    chosen = study.who_works(either(executor, workers, "a sweep"))
+    chosen = study.resolve_workers(either(executor, workers, "a sweep"))
     if isinstance(chosen, int):
         checked_workers(chosen)
     bench = replace(bench, progress=Once(bench.progress))
@@ -305,41 +324,41 @@ def sweep_study(
     finally:
         bar.finish()
     for outcome in outcomes.values():
-        if outcome.key:  # workers do not know the study
+        if outcome.key:  # workers do not have the study
             bench.store.uses.note("fem", outcome.key)
     return SweepRun(study, tuple(outcomes[n] for n in sorted(outcomes)), time.perf_counter() - started)
 
 
 def _run(
-    bench: Workbench,
+    bench: RunContext,
     study: Study,
     missing: Mapping[int, tuple[SweptDesign, str]],
     executor: Executor,
     bar: ProgressBar,
 ) -> dict[int, DesignOutcome]:
-    """Jobs out, answers in, until none is left: outcomes by number."""
+    """Submit jobs and collect answers until all are done; return outcomes by number."""
     outcomes: dict[int, DesignOutcome] = {}
     root = bench.store.root
 
-    def take(one: Finished[SweepJob, Answer], queue: JobQueue[SweepJob, Answer]) -> None:
+    def take(one: Finished[SweepJob, WorkerOutcome], queue: JobQueue[SweepJob, WorkerOutcome]) -> None:
         number = one.item.number
         if one.failure is not None:
             status: Status = "crashed" if one.failure.error is None else "error"
-            answer = Answer(status, one.failure.cause)
+            answer = WorkerOutcome(status, one.failure.cause)
         else:
             answer = one.unwrap()
         for note in answer.notes:
             bench.progress.note(note)
         if answer.status == "stop":
             raise UserError(answer.cause)
-        if answer.status == "busy":  # another sweep has it: later, and then with patience
+        if answer.status == "busy":  # another sweep is solving it: submit it again and wait for it
             queue.submit([replace(one.item, waits=True)])
             return
         design, key = missing[number]
         if answer.status == "done":
             if answer.parcel:
                 _take_in(answer.parcel, root / "fem" / key)
-            outcomes[number] = DesignOutcome.of(design, _arrived(root / "fem" / key), cached=False)
+            outcomes[number] = DesignOutcome.from_artifact(design, _arrived(root / "fem" / key), cached=False)
         else:
             outcomes[number] = DesignOutcome(design, answer.status, answer.cause, wall_s=answer.wall_s)
         bar.advance()
@@ -348,7 +367,9 @@ def _run(
     plugins = tuple(str(file) for file in study.plugins)
     with (
         progress_store_in(root) as progress,
-        JobQueue[SweepJob, Answer](executor, function, lambda job: progress.began(job.number)) as queue,
+        JobQueue[SweepJob, WorkerOutcome](
+            executor, function, lambda job: progress.began(job.number)
+        ) as queue,
     ):
         for number, (design, key) in missing.items():
             blocks = {"family": design.family, "material": design.material, "fem": study.need("fem", "FEM")}
@@ -363,7 +384,7 @@ def _run(
 
 
 def _take_in(parcel: bytes, folder: Path) -> None:
-    """Put what a worker on another host sent into the store."""
+    """Put an artifact from a worker on another host into the store."""
     try:
         received(parcel, folder)
     except CorruptedError as error:
@@ -371,7 +392,7 @@ def _take_in(parcel: bytes, folder: Path) -> None:
 
 
 def _arrived(folder: Path) -> Artifact:
-    """An artifact that a worker has just written; a network file system may show it to us a while later."""
+    """Return an artifact that a worker has just written; it may appear late on a network file system."""
     until = time.monotonic() + ARRIVES_WITHIN_S
     while not folder.is_dir() and time.monotonic() < until:
         list(folder.parent.iterdir())
@@ -385,7 +406,7 @@ def _arrived(folder: Path) -> Artifact:
 
 
 class _MissingError(Exception):
-    """An artifact is not in the store; its message is the key."""
+    """Error for an artifact that is not in the store; its message is the key."""
 
 
 class _Looking(ArtifactStore):
@@ -399,9 +420,9 @@ class _Looking(ArtifactStore):
 
 
 def _planned(
-    bench: Workbench, study: Study, designs: tuple[SweptDesign, ...]
+    bench: RunContext, study: Study, designs: tuple[SweptDesign, ...]
 ) -> tuple[dict[int, DesignOutcome], dict[int, tuple[SweptDesign, str]]]:
-    """By number: designs that are in the store or refused, and those to solve with their keys."""
+    """Return by number the designs that are in the store or refused, and those to solve with their keys."""
     looking = replace(bench, store=_Looking(bench.store.root))
     known: dict[int, DesignOutcome] = {}
     missing: dict[int, tuple[SweptDesign, str]] = {}
@@ -410,7 +431,7 @@ def _planned(
             if design.cause:
                 raise InvalidDesignError(design.cause)
             made = fem_stage(looking, design.family, design.material, study.need("fem", "FEM"))
-            known[design.number] = DesignOutcome.of(design, made, cached=True)
+            known[design.number] = DesignOutcome.from_artifact(design, made, cached=True)
         except InvalidDesignError as error:
             known[design.number] = DesignOutcome(design, "refused", str(error))
         except _MissingError as key:

@@ -1,4 +1,4 @@
-"""What a module looks like: its family's surface, or a drawn one from a file, cut at the joint."""
+"""Visible surface of a module: its family's, or one from a file, cut at the joint."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pliant.meshing.stl import read_stl
 from pliant.meshing.surfaces import side
 from pliant.records.shape import HalfSurfaces
 
-# A drawn module's length along x, of the module's: beyond it the unit is wrong, or another part was meant.
+# Allowed ratio of a drawn module's length along x to the module's: beyond it unit or file is wrong.
 SHORTEST, LONGEST = 0.2, 5.0
 
 
 def seen_surface(family: ActuatorFamily) -> HalfSurfaces:
-    """The family's surface, or the one of its config's `visual`, in the module frame.
+    """Return the family's surface, or that of its config's `visual` file, in the module frame.
 
     Raises:
-        UserError: the file is missing, no STL, empty, or of another size than a module.
+        UserError: the file is missing, empty, not an STL, or its size does not match the module.
     """
     config = family.config
     if config.visual is None:

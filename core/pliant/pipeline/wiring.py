@@ -1,4 +1,4 @@
-"""Which actuators act on which joints: those of the config, those of segments, or one for each actuation of laws."""
+"""Assignment of actuators to joints: those of the config, those of segments, or one for each actuation of laws."""
 
 from __future__ import annotations
 
@@ -7,35 +7,37 @@ from dataclasses import dataclass
 
 from pliant.config.chain import ActuatorConfig
 from pliant.errors import UserError
-from pliant.records.actuation import kind_of
+from pliant.records.actuation import actuation_kind
 from pliant.records.chain import Actuator
 from pliant.records.law import JointLaw
 
 
 @dataclass(frozen=True, eq=False)
 class Wiring:
-    """The actuators of a chain, and of each segment the part of them that acts on it.
+    """The actuators of a chain, and for each segment those that act on it.
 
     Attributes:
         actuators: all of them.
-        drives: of each segment, first and last (exclusive) of its own; None where all act on it.
+        drives: for each segment, first and last (exclusive) index of its actuators; None if all act on it.
     """
 
     actuators: tuple[Actuator, ...]
     drives: tuple[tuple[int, int] | None, ...]
 
     @staticmethod
-    def of(
+    def from_segments(
         common: Sequence[ActuatorConfig], segments: Sequence[tuple[JointLaw | None, tuple[Actuator, ...]]]
     ) -> Wiring:
-        """The wiring of segments, each a law (None of a rigid piece) and actuators of its own.
+        """Return the wiring of segments, each a law (None for a rigid piece) and its own actuators.
 
         Raises:
-            UserError: actuators and laws that take different inputs, more or fewer of them than a law takes.
+            UserError: actuators and laws with different inputs, or more or fewer actuators than a law has inputs.
         """
-        shared = actuators_of(common)
+        shared = actuators_from_configs(common)
         if not any(own for _, own in segments):
-            actuators = _of_laws([law for law, _ in segments if law is not None], shared, "chain.actuators")
+            actuators = _law_actuators(
+                [law for law, _ in segments if law is not None], shared, "chain.actuators"
+            )
             return Wiring(actuators, (None,) * len(segments))
         spans: dict[tuple[Actuator, ...], tuple[int, int]] = {}
         drives: list[tuple[int, int] | None] = []
@@ -45,7 +47,7 @@ class Wiring:
                 drives.append(None)
                 continue
             where = f"chain.segments.{number}.actuators" if own else "chain.actuators"
-            acting = _of_laws([law], own or shared, where)
+            acting = _law_actuators([law], own or shared, where)
             if acting not in spans:
                 spans[acting] = (len(flat), len(flat) + len(acting))
                 flat += acting
@@ -53,29 +55,29 @@ class Wiring:
         return Wiring(tuple(flat), tuple(drives) if len(spans) > 1 else (None,) * len(segments))
 
     def sharers(self, segment: int) -> int:
-        """How many actuators act on each joint of a segment."""
+        """Return the number of actuators that act on each joint of a segment."""
         first, last = self.drives[segment] or (0, len(self.actuators))
         return last - first
 
 
-def actuators_of(configs: Sequence[ActuatorConfig]) -> tuple[Actuator, ...]:
-    """The records of config entries."""
+def actuators_from_configs(configs: Sequence[ActuatorConfig]) -> tuple[Actuator, ...]:
+    """Return the records of config entries."""
     return tuple(Actuator(a.input, a.sign, a.rotation_rad) for a in configs)
 
 
-def _of_laws(laws: Sequence[JointLaw], given: tuple[Actuator, ...], where: str) -> tuple[Actuator, ...]:
-    """The actuators given, or one for each actuation of the laws; every one drives every law: their inputs agree."""
+def _law_actuators(laws: Sequence[JointLaw], given: tuple[Actuator, ...], where: str) -> tuple[Actuator, ...]:
+    """Return the given actuators, or one for each actuation of the laws; all must have the laws' inputs."""
     names = sorted({law.actuation_name for law in laws})
     if len(names) > 1:
         raise UserError(f"one chain has one kind of actuation, and its laws take {' and '.join(names)}")
     law = laws[0]
     if len(law.actuations) > 1:
-        return _of_several(law, given, where)
+        return _several_actuators(law, given, where)
     for actuator in given:
-        if kind_of(actuator.input) != kind_of(law.actuation_name):
+        if actuation_kind(actuator.input) != actuation_kind(law.actuation_name):
             raise UserError(
                 f"{where} names '{actuator.input}', but the chain's law takes {law.actuation_name}; a law that is "
-                f"stated says what it takes by 'actuation_name: {kind_of(actuator.input).name}' in 'surrogate'."
+                f"stated says what it takes by 'actuation_name: {actuation_kind(actuator.input).name}' in 'surrogate'."
             )
         if actuator.rotation_rad and len(law.axes) != 3:
             raise UserError(
@@ -85,8 +87,8 @@ def _of_laws(laws: Sequence[JointLaw], given: tuple[Actuator, ...], where: str) 
     return given or (Actuator(law.actuation_name),)
 
 
-def _of_several(law: JointLaw, given: tuple[Actuator, ...], where: str) -> tuple[Actuator, ...]:
-    """One actuator for each actuation of a law, in its order."""
+def _several_actuators(law: JointLaw, given: tuple[Actuator, ...], where: str) -> tuple[Actuator, ...]:
+    """Return one actuator for each actuation of a law, in its order."""
     wanted = law.actuations
     if not given:
         return tuple(Actuator(name) for name in wanted)
@@ -97,7 +99,7 @@ def _of_several(law: JointLaw, given: tuple[Actuator, ...], where: str) -> tuple
             f"{len(wanted)}, one for each in this order."
         )
     for actuator, name in zip(given, wanted, strict=True):
-        if kind_of(actuator.input) != kind_of(name):
+        if actuation_kind(actuator.input) != actuation_kind(name):
             raise UserError(
                 f"{where} gives '{actuator.input}' to {name} of the law: give it an input of its kind"
             )

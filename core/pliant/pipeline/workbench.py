@@ -1,4 +1,4 @@
-"""What every stage needs at hand: the plugins, the store, someone to tell."""
+"""Context of a run that every stage needs: the plugins, the store, the progress."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from pliant.store.store import Artifact, ArtifactStore, Recipe
 
 
 def content(config: FrozenModel) -> dict[str, Any]:
-    """A config as JSON values for a key: a file that it names counts by its content, not by its path."""
+    """Return a config as JSON values for a key; a file enters by its content, not by its path."""
     return dict(_content(config, config.canonical()))
 
 
 def digest(path: Path) -> str:
-    """Of a file's content."""
+    """Return the digest of a file's content."""
     with path.open("rb") as file:
         return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _content(value: Any, plain: Any) -> Any:
-    """`plain`, the JSON form of `value`, with each existing file replaced by its digest."""
+    """Return `plain`, the JSON form of `value`, with each existing file replaced by its digest."""
     if isinstance(value, Path) and value.is_file():
         return digest(value)
     if isinstance(value, FrozenModel) and isinstance(plain, Mapping):
@@ -42,23 +42,23 @@ def _content(value: Any, plain: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Workbench:
-    """The surroundings of a run; handed from stage to stage, never global."""
+class RunContext:
+    """Context of a run, passed from stage to stage; never global."""
 
     registry: Registry
     store: ArtifactStore
     progress: Progress = field(default_factory=Silent)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """In another process nobody watches."""
-        return Workbench, (self.registry, self.store)
+        """Pickle without the progress, which is not shown in another process."""
+        return RunContext, (self.registry, self.store)
 
     def component(self, interface: str, config: ComponentConfig) -> Component:
-        """The plugin of a config."""
+        """Return the plugin of a config."""
         return self.registry.get(interface, config.kind)
 
     def build(self, interface: str, config: ComponentConfig) -> Any:
-        """The built plugin of a config."""
+        """Return the built plugin of a config."""
         return self.registry.build(interface, config)
 
     def make(
@@ -76,7 +76,7 @@ class Workbench:
 
         Args:
             stage: its name, the folder in the store.
-            compute: does the work; see `ArtifactStore.make`.
+            compute: computes the result; see `ArtifactStore.make`.
             components: the plugins whose code the result depends on.
             modules: Pliant's own modules whose code it depends on.
             config: JSON values it depends on; see `content` for those of a plugin's config.
@@ -87,5 +87,6 @@ class Workbench:
         packages = {c.implementation.partition(".")[0] for c in self.registry.components}
         code = code_fingerprint([*modules, *(place.partition(":")[0] for place in places)], packages)
         libraries = versions([module for c in components for module in (*c.requires, *c.lazy)])
-        recipe = Recipe(stage, config, inputs, code, libraries)
+        plugins = [{"interface": c.interface, "kind": c.kind, "package": c.package} for c in components]
+        recipe = Recipe(stage, config, inputs, code, libraries, plugins)
         return self.store.make(recipe, compute, self.progress.note, agrees)

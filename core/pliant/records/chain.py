@@ -1,4 +1,4 @@
-"""The neutral chain: rigid pieces joined by laws. Every physics engine builds its own model from it."""
+"""Engine-neutral chain: rigid pieces joined by laws, from which every physics engine builds its model."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class Ring(NamedTuple):
 class Actuator:
     """A chamber or tendon that acts on joints: τ += T law(p, Tᵀ u) with T = sign · R_x(rotation).
 
-    `input` names its signal; `rotation_rad` is where it sits about the chain axis, on joints that turn about three axes
-    only. Neither sign nor rotation changes an extension. To a
-    law of m actuations m of them in a row give one value each, a; then T is 1, and τ = law(a, u).
+    `input` names its signal; `rotation_rad` is its position about the chain axis, only on joints with three rotational
+    axes. Neither sign nor rotation changes an extension. For a law of m actuations, m consecutive actuators give one
+    value each, a; then T is 1, and τ = law(a, u).
     """
 
     input: str
@@ -55,7 +55,7 @@ class Actuator:
     rotation_rad: float = 0.0
 
     def turn(self, n_axes: int) -> Array:
-        """T, (a, a)."""
+        """Return T, (a, a)."""
         turn = self.sign * np.eye(n_axes)
         if self.rotation_rad:
             c, s = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
@@ -67,24 +67,24 @@ class Actuator:
 
 @dataclass(frozen=True, eq=False)
 class ChainModel:
-    """N joints and N + 1 rigid bodies in a row; body 0 is fixed to the base, body i hangs on joint i − 1.
+    """N joints and N + 1 rigid bodies in series; body 0 is fixed to the base, joint i − 1 carries body i.
 
     A body's frame has its origin at its own joint (body 0: at the base) and, at rest, the orientation of the
-    joint's rest frame; x runs toward the tip. World frame: z up. Units are SI.
+    joint's rest frame; x points toward the tip. World frame: z up. Units are SI.
 
     Attributes:
-        joints, bodies, laws: see above; `bodies` has one entry more than `joints`.
+        joints, bodies, laws: see above; `bodies` has one more entry than `joints`.
         tip_offset_m: (3,) the tip in the last body's frame.
         base_position_m, base_rotation: pose of body 0 in the world, (3,) and (3, 3).
         gravity_m_s2: (3,).
-        payload_kg: point mass hung at the tip.
+        payload_kg: point mass at the tip.
         actuators: one entry for a single chamber; two of opposite sign for opposed chambers; those of each segment
-            in turn where segments have their own (`Joint.drives`).
-        terms: what effects add to the law of every joint.
-        shapes: what collides, per body (n + 1 entries) in the body's frame; empty where nothing does.
-        rings: base, the end of each segment, the last of them the tip; empty where segments are not known.
-        mount: what the base stands on, and its pose is relative to; None: the world.
-        centre_line: base, both sides of each joint, tip; empty where it runs through the joints.
+            in turn if segments have their own (`Joint.drives`).
+        terms: law terms that effects add to every joint.
+        shapes: collision shapes per body (n + 1 entries) in the body's frame; empty without collisions.
+        rings: base, then the end of each segment, the last being the tip; empty if segments are not known.
+        mount: the arm that carries the base, and to which its pose is relative; None: the world.
+        centre_line: base, both sides of each joint, tip; empty if it passes through the joints.
     """
 
     joints: tuple[Joint, ...]
@@ -106,16 +106,16 @@ class ChainModel:
     def n_joints(self) -> int:
         return len(self.joints)
 
-    def drives_of(self, joint: Joint) -> tuple[int, int]:
-        """First and last (exclusive) of the actuators that act on a joint."""
+    def actuator_range(self, joint: Joint) -> tuple[int, int]:
+        """Return first and last (exclusive) index of the actuators that act on a joint."""
         return joint.drives or (0, len(self.actuators))
 
     @property
     def parts(self) -> NDArray[np.int64]:
-        """(n,) how many times each joint's law is in its effort: once for each actuator, once if it takes several."""
+        """(n,) multiplicity of each joint's law in its effort: once for each actuator, once if it takes several."""
         counts = []
         for joint in self.joints:
-            first, last = self.drives_of(joint)
+            first, last = self.actuator_range(joint)
             counts.append(1 if len(self.laws[joint.law].actuations) > 1 else last - first)
         return np.array(counts, np.int64)
 
@@ -135,10 +135,10 @@ class ChainModel:
         return float(sum(np.linalg.norm(j.offset_m) for j in self.joints) + np.linalg.norm(self.tip_offset_m))
 
     def with_(self, **changes: object) -> ChainModel:
-        """A copy with some fields replaced."""
+        """Return a copy with some fields replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
 
 def default_base_rotation() -> Array:
-    """Chain x along world −z, y along world −y, z along world −x (docs/conventions.md): columns are the axes."""
+    """Return chain x along world −z, y along −y, z along −x (docs/conventions.md): columns are the axes."""
     return np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])

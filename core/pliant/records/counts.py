@@ -1,4 +1,4 @@
-"""Counts: how often something succeeded under conditions that were set."""
+"""Counts: numbers of successes under set conditions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class CountSet:
-    """One row of a counts file: `successes` of `trials`, done in one go; `line` in the file, 0 in memory."""
+    """One row of a counts file: `successes` of `trials` of one series; `line` in the file, 0 in memory."""
 
     name: str
     successes: int
@@ -19,12 +19,12 @@ class CountSet:
 
 @dataclass(frozen=True)
 class CountCondition:
-    """What was done, and how often it succeeded.
+    """A condition with its trials and successes.
 
     Attributes:
-        changes: study key (``task.pressure_pa``) → value that was set, in the order of the file's columns.
-        words: the condition for people, "cylinder, 13 kPa, 2 extra weights".
-        sets: the rows of this condition, in the file's order; more than one are repeats of each other.
+        changes: study key (``task.pressure_pa``) → set value, in the order of the file's columns.
+        words: the condition as text, "cylinder, 13 kPa, 2 extra weights".
+        sets: the rows of this condition, in the file's order; several rows are repetitions.
     """
 
     changes: Mapping[str, Any]
@@ -49,8 +49,8 @@ class Counts:
     Attributes:
         conditions: in the file's order.
         source: the file's name, for messages.
-        sha256: of its content; empty for data made in memory.
-        remarks: what the reader did or noticed, in sentences.
+        sha256: of its content; "" for data in memory.
+        remarks: changes and observations of the reader, in sentences.
     """
 
     conditions: tuple[CountCondition, ...]

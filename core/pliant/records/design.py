@@ -1,4 +1,4 @@
-"""What a family says about one design: its parameters and its masses."""
+"""Records of one design of a family: its parameters and its masses."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ class MassProperties:
     inertia_kg_m2: Array
 
     def shifted(self, offset_m: Array) -> MassProperties:
-        """The same piece with its frame's origin moved: coordinates become `com + offset`."""
+        """Return the same piece with its frame's origin moved: coordinates become `com + offset`."""
         return MassProperties(self.mass_kg, self.com_m + np.asarray(offset_m, float), self.inertia_kg_m2)
 
     def rotated(self, rotation: Array) -> MassProperties:
-        """The same piece seen from a frame in which its own axes are the columns of `rotation`."""
+        """Return the same piece in a frame in which its own axes are the columns of `rotation`."""
         inertia = rotation @ self.inertia_kg_m2 @ rotation.T
         return MassProperties(self.mass_kg, rotation @ self.com_m, inertia)
 
     def joined(self, other: MassProperties) -> MassProperties:
-        """Two pieces of one rigid body, in the same frame (parallel-axis theorem)."""
+        """Combine two pieces of one rigid body, in the same frame (parallel-axis theorem)."""
         mass = self.mass_kg + other.mass_kg
         if mass == 0.0:
             return self
@@ -50,7 +50,7 @@ class MassProperties:
 
     @staticmethod
     def none() -> MassProperties:
-        """A piece without mass."""
+        """Return a piece without mass."""
         return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
@@ -58,7 +58,7 @@ class MassProperties:
 class ModuleMass:
     """Masses of a module's two halves, both in the module frame with the origin at the joint (mid-module).
 
-    `start` lies at x in [−l/2, 0] and moves with the parent, `end` at x in [0, l/2] and moves with the child.
+    `start` has x in [−l/2, 0] and moves with the parent, `end` has x in [0, l/2] and moves with the child.
     """
 
     start: MassProperties

@@ -1,48 +1,57 @@
-"""The error bar of a law: how far off it is where states were left out, scaled to what it is asked for."""
+"""Error bar of a law, from its errors on left-out states."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Protocol
 
 import numpy as np
 
 from pliant.records.design import Array
 
-# Of the kernel's mean: no place is surer than this share of all places together, in the root of the mean square.
+# Floor of the local error, as a share of the root mean square over all places.
 FLOOR = 0.3
-# Outside the box the band grows by its own width for each such share of the box's half-width.
+# Outside the box the band grows by its width for each of these shares of the box's half-width.
 GROWTH = 0.25
-# Points that are looked up at once: memory.
+# Number of points evaluated at once, to limit memory.
 BLOCK = 4096
-# States nearer to the border than this share of the half-width are on it; fewer inside give no ranks of their own.
+# States closer to the border than this share of the half-width are on it; smallest number of inner states for ranks.
 BORDER, FEWEST_INNER = 1e-6, 5
 ARRAYS = ("box", "places", "misses", "weights", "scores", "reach", "floor")
 
 
+class ErrorBand(Protocol):
+    """Interface of a law's error: any object that returns the half-width of its band."""
+
+    def half_width(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array:
+        """Return (n, a) half-widths at actuation (n,), or (n, m), and deformation (n, a), in the effort's unit."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class ErrorBar:
-    """Bands from misses of states that were left out, by normalised conformal prediction.
+    """Bands from residuals of left-out states, by normalised conformal prediction.
 
-    The local size of the misses at x = (p, u), scaled to [−1, 1] on the box, is a kernel mean
+    The local size of the residuals at x = (p, u), scaled to [−1, 1] on the box, is a kernel mean
 
         s_a(x)² = Σ_m w_m k(x − x_m) e_ma² / Σ_m w_m k(x − x_m) + floor²
 
-    and the half-width at a level is the level's quantile of the scores |e_ma| / s_a(x_m), each with its own place
-    left out of s, times s_a(x). A fit that knows the shape of its own doubt gives that for the misses, at places of
-    its choice, and its own scores (`of_shape`) (Papadopoulos, Vovk, Gammerman, J. Artif. Intell. Res. 40, 2011;
-    Vovk et al., Algorithmic Learning in a Random World, 2005). Levels are probabilities for states drawn as those
-    left out were.
+    and the half-width at a level is the level's quantile of the scores |e_ma| / s_a(x_m), each with place m excluded
+    from s, times s_a(x). A fit with a model of its uncertainty provides that instead of the residuals, at any places,
+    and the scores (`from_shape`) (Papadopoulos, Vovk, Gammerman, J. Artif. Intell. Res. 40, 2011;
+    Vovk et al., Algorithmic Learning in a Random World, 2005). Levels are probabilities for states from the
+    distribution of the left-out states.
 
     Attributes:
-        box: (1 + a, 2) actuation and deformations, low and high; (m + a, 2) of m actuations.
-        places: (m, 1 + a) scaled places of the states that were left out.
+        box: (1 + a, 2) actuation and deformations, low and high; (m + a, 2) for m actuations.
+        places: (m, 1 + a) scaled places of the left-out states.
         misses: (m, a) predicted minus true effort there, N·m (N for a prismatic joint), or its expected size.
-        weights: (m,) how much each place counts.
+        weights: (m,) of the places.
         scores: (k, a) sorted scores of each axis.
         reach: width of the kernel.
-        floor: of the misses' mean, in the root of the mean square: no place is surer than that.
+        floor: smallest root mean square of the residuals at any place.
     """
 
     box: Array
@@ -54,14 +63,14 @@ class ErrorBar:
     floor: float = FLOOR
 
     @staticmethod
-    def of(
+    def from_residuals(
         box: Array, actuation: Array, deformation: Array, misses: Array, inner_scores: bool = False
     ) -> ErrorBar:
-        """The bar of m left-out states: box (1 + a, 2), actuation (m,), deformation (m, a), misses (m, a).
+        """Return the bar of m left-out states: box (1 + a, 2), actuation (m,), deformation (m, a), residuals (m, a).
 
-        States on the border of the box are predicted from one side only when they are left out, worse than any state
-        inside. With `inner_scores` the ranks are those of the states inside, where there are `FEWEST_INNER`; the
-        local sizes come from all.
+        Left-out states on the border of the box are predicted from one side only, worse than states inside. With
+        `inner_scores` the ranks are those of the states inside, if there are at least `FEWEST_INNER`; the local sizes
+        use all states.
         """
         box = np.asarray(box, float)
         places = _scaled(box, actuation, deformation)
@@ -76,16 +85,16 @@ class ErrorBar:
         return ErrorBar(box, places, np.asarray(misses, float), weights, np.sort(scores, axis=0), reach)
 
     @staticmethod
-    def of_shape(box: Array, places: Array, sizes: Array, scores: Array, reach: float) -> ErrorBar:
-        """The bar of a fit that knows its doubt: `sizes` (m, a) at scaled `places` (m, 1 + a), in any common measure.
+    def from_shape(box: Array, places: Array, sizes: Array, scores: Array, reach: float) -> ErrorBar:
+        """Return the bar of a fit with known uncertainty: `sizes` (m, a) at scaled `places` (m, 1 + a), any scale.
 
-        `scores` (k, a) are misses of states left out over the doubt foretold for them in the same measure.
+        `scores` (k, a) are residuals of left-out states over their predicted uncertainty in the same scale.
         """
         weights = np.ones(len(places))
         return ErrorBar(np.asarray(box, float), places, sizes, weights, np.sort(scores, axis=0), reach, 0.0)
 
     def half_width(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array:
-        """(n, a) half-widths at actuation (n,) and deformation (n, a), in the effort's unit."""
+        """Return (n, a) half-widths at actuation (n,) and deformation (n, a), in the effort's unit."""
         points = _scaled(self.box, actuation, deformation)
         inside = np.clip(points, -1.0, 1.0)
         blocks = np.array_split(inside, len(inside) // BLOCK + 1)
@@ -95,10 +104,10 @@ class ErrorBar:
         return np.asarray(local * (1 + excess / GROWTH)[:, None] * self.quantile(level))
 
     def quantile(self, level: float) -> Array:
-        """(a,) the score that a state exceeds with probability 1 − level.
+        """Return (a,) the score that a state exceeds with probability 1 − level.
 
-        It is the score of rank (k + 1) level, between ranks by a straight line (below the first toward 0). Where k
-        scores cannot tell, the largest grows as quantiles of a normal error do.
+        It is the score of rank (k + 1) level, with linear interpolation between ranks (below the first toward 0). Above
+        the resolution of k scores, the largest grows as quantiles of a normal error do.
         """
         k = len(self.scores)
         rank = (k + 1) * level
@@ -111,12 +120,12 @@ class ErrorBar:
         return np.asarray(steps[below] + (rank - below) * (steps[below + 1] - steps[below]))
 
     def arrays(self) -> dict[str, Array]:
-        """The bar as arrays for a `LawRecord`, their names led by `error_`."""
+        """Return the bar as arrays for a `LawRecord`, with the prefix `error_` in their names."""
         return {f"error_{name}": np.asarray(getattr(self, name)) for name in ARRAYS}
 
     @staticmethod
-    def of_arrays(arrays: Mapping[str, Array]) -> ErrorBar | None:
-        """The bar that `arrays` wrote, or None where there is none."""
+    def from_arrays(arrays: Mapping[str, Array]) -> ErrorBar | None:
+        """Return the bar that `arrays` wrote, or None without one."""
         if "error_box" not in arrays:
             return None
         fields = {name: np.asarray(arrays[f"error_{name}"], float) for name in ARRAYS[:-2]}
@@ -125,18 +134,18 @@ class ErrorBar:
 
 @dataclass(frozen=True, eq=False, init=False)
 class BarsOfAxes(ErrorBar):
-    """Bars of axes that do not affect each other, each a function of (p, u_a); an axis without one is taken as exact.
+    """Bars of uncoupled axes, each a function of (p, u_a); an axis without a bar is assumed exact.
 
-    It is not stored: each axis's own law holds its bar.
+    It is not stored, since each axis' law contains its bar.
     """
 
-    bars: tuple[ErrorBar | None, ...] = ()
+    bars: tuple[ErrorBand | None, ...] = ()
 
-    def __init__(self, bars: tuple[ErrorBar | None, ...]) -> None:
+    def __init__(self, bars: tuple[ErrorBand | None, ...]) -> None:
         object.__setattr__(self, "bars", bars)
 
     def half_width(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array:
-        """(n, a) half-widths, axis by axis."""
+        """Return (n, a) half-widths, axis by axis."""
         u = np.asarray(deformation, float)
         widths = np.zeros_like(u)
         for k, bar in enumerate(self.bars):
@@ -145,8 +154,8 @@ class BarsOfAxes(ErrorBar):
         return widths
 
     def quantile(self, level: float) -> Array:
-        """(a,) the quantile of each axis."""
-        return np.array([0.0 if bar is None else bar.quantile(level)[0] for bar in self.bars])
+        """Return (a,) the quantile of each axis."""
+        return np.array([bar.quantile(level)[0] if isinstance(bar, ErrorBar) else 0.0 for bar in self.bars])
 
 
 def _scaled(box: Array, actuation: Array, deformation: Array) -> Array:
@@ -163,7 +172,7 @@ def _local(
     floor: float,
     leave_own: bool = False,
 ) -> Array:
-    """(n, a) local size of the misses."""
+    """Return (n, a) local size of the residuals."""
     pairs = zip(points.T / reach, places.T / reach, strict=True)
     distance: Array = np.sum([np.subtract.outer(one, other) ** 2 for one, other in pairs], axis=0)
     if leave_own:

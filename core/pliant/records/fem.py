@@ -10,18 +10,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.records.actuation import Levels, names_of
+from pliant.records.actuation import Levels, split_actuation_names
 from pliant.records.design import Array, Design
 from pliant.records.law import JointKind
 
 IntArray = NDArray[np.int64]
 Branch = Literal["free", "constrained"]
 Role = Literal["fit", "check"]
-# Where convolutions overlap, where the user lets them (fem.self_contact: pass), and where walls that touch hold each
-# other (fem.self_contact: solve).
+# Overlapping convolutions, overlap that the user allows (fem.self_contact: pass), and walls in contact
+# (fem.self_contact: solve).
 SELF_CONTACT, PASSED, TOUCHING = "self_contact", "passed_through", "touching"
 TRUSTED = ("ok", PASSED, TOUCHING)
-# `explored` of a state that holds several axes.
+# `explored` of a state that prescribes several axes.
 COUPLING = "coupling"
 # Arrays of a module's data, one entry per state.
 STATE_COLUMNS = (
@@ -64,10 +64,10 @@ class ModuleMesh:
         cavity: (f, 9) node ids of the wetted faces, local node a + 3b, or (f, 6), corners, then the middles of the
             edges 01, 12, 02; ∂x/∂a × ∂x/∂b points out of the solid, into the cavity.
         skin: (g, 9) or (g, 6) node ids of all boundary faces, normals out of the solid, for pictures and contact.
-        node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
-        regions: named cells, by their numbers, of another material than the body's, no cell in two. The study gives
-            each its material, density included, under `material.regions`.
-        cavities: wetted faces by the name of the pressure in them, where there are several; `cavity` has them all.
+        node_sets: named node ids. Every family provides `start` (x = 0) and `end` (x = span).
+        regions: named disjoint sets of cell numbers of another material than the body's. The study states each
+            material, including the density, under `material.regions`.
+        cavities: wetted faces by the name of their pressure, for several pressures; `cavity` has all of them.
     """
 
     nodes_m: Array
@@ -78,13 +78,21 @@ class ModuleMesh:
     regions: Mapping[str, IntArray] = field(default_factory=dict)
     cavities: Mapping[str, IntArray] = field(default_factory=dict)
 
+    @property
+    def region_numbers(self) -> IntArray:
+        """(m,) for each cell the index of its region in `regions` from 1; 0 for the body."""
+        numbers = np.zeros(len(self.cells), np.int64)
+        for number, cells in enumerate(self.regions.values(), 1):
+            numbers[cells] = number
+        return numbers
+
 
 @dataclass(frozen=True)
 class Ribbon:
-    """A thin band in the wall or cavity that resists elongation: what makes one side of a bellow the short one.
+    """A thin band in the wall or cavity that resists elongation, so that a bellow bends to its side.
 
-    It runs along x at height z, |y| ≤ width/2, bonded to the sections. A fibre at y has the strain
-    ε(y) = e − Θ_z y/L + (Θ_x y/L)²/2 of the reference line, which must lie at the ribbon's height; its energy is
+    It extends along x at height z, |y| ≤ width/2, bonded to the sections. A fibre at y has the strain
+    ε(y) = e − Θ_z y/L + (Θ_x y/L)²/2 of the reference line, which must be at the ribbon's height; its energy is
     ½ EA L ⟨ε²⟩ over the width. A thread has no width.
 
     Attributes:
@@ -98,11 +106,10 @@ class Ribbon:
 
 @dataclass(frozen=True)
 class Tendon:
-    """A cord that leaves a rigid link at a hole and crosses the mirror plane x = 0 at a right angle.
+    """A cord from a hole in a rigid link that crosses the mirror plane x = 0 at a right angle.
 
-    The hole moves with the end section: at rest it lies at (span + x_m, z_m) in the module frame. Half the free
-    length is the x of the hole; what it shortens is drawn out of the module, so that T does work without being
-    followed by hand.
+    The hole moves with the end section: at rest it is at (span + x_m, z_m) in the module frame. Half the free length
+    is the x of the hole; its shortening is drawn out of the module and gives the work of T.
     """
 
     x_m: float
@@ -111,13 +118,13 @@ class Tendon:
 
 @dataclass(frozen=True)
 class Stop:
-    """An edge of a rigid link that meets its mirror image in the plane x = 0, where the joint can turn no farther.
+    """An edge of a rigid link that limits the rotation by contact with its mirror image in the plane x = 0.
 
-    It moves with the end section, which does not rise: at rest it lies at (span + x_m, z_m) in the module frame.
+    It moves with the end section, which does not rise: at rest it is at (span + x_m, z_m) in the module frame.
 
     Attributes:
-        x_m, z_m: where.
-        area_m2: over which it bears (of the solved piece).
+        x_m, z_m: position.
+        area_m2: contact area (of the solved piece).
     """
 
     x_m: float
@@ -127,15 +134,15 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Fibres:
-    """Threads of one direction, spread over some cells: ½ κ (λ − 1)² per reference volume, λ the stretch along them.
+    """Threads of one direction, distributed over cells: ½ κ (λ − 1)² per reference volume, λ the stretch along them.
 
-    They are bonded to the cells' own material and resist being shortened as much as being stretched.
+    They are bonded to the cells' material and resist shortening as much as stretching.
 
     Attributes:
         cells: (k,) numbers of the cells.
-        directions: (k, 27, 3) vectors along the threads at the cells' nodes, in the module frame; their lengths do
-            not matter, their senses agree within a cell.
-        stiffness_pa: κ, a thread's EA over the section of the solid that it stands for.
+        directions: (k, 27, 3) vectors along the threads at the cells' nodes, in the module frame; of any length, with
+            consistent senses in a cell.
+        stiffness_pa: κ, a thread's EA over the section of the solid that it represents.
     """
 
     cells: IntArray
@@ -149,7 +156,7 @@ class Link:
 
     Attributes:
         first, second: (n,) node ids, pairwise. Signs of 1 make a periodic cell, (−1, 1, −1)… other symmetries.
-        signs: component (0, 1, 2 = x, y, z) → sign; components that are absent are not linked.
+        signs: component (0, 1, 2 = x, y, z) → sign; missing components are not linked.
     """
 
     first: IntArray
@@ -159,15 +166,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Closing:
-    """How far a round module can bend: rigid sections meet where its outermost fibre is used up.
+    """Limit of bending of a round module: rigid sections touch when its outermost fibre has its smallest length.
 
-    The fibre lies on a circle about (y, z) = (0, `centre_m`) in the rod frame and is shortened by
+    The fibre is on a circle about (y, z) = (0, `centre_m`) in the rod frame and is shortened by
     radius √(u_y² + u_z²) − centre u_y.
 
     Attributes:
         radius_m: of the circle.
-        centre_m: its height over the line that bending leaves as long as it is.
-        free_m: by how much the fibre may be shortened.
+        centre_m: its height over the line whose length bending does not change.
+        free_m: largest shortening of the fibre.
     """
 
     radius_m: float
@@ -175,52 +182,51 @@ class Closing:
     free_m: float
 
     def shortening_m(self, u_y: float, u_z: float = 0.0) -> float:
-        """How much shorter the outermost fibre is."""
+        """Return the shortening of the outermost fibre."""
         return self.radius_m * math.hypot(u_y, u_z) - self.centre_m * u_y
 
     @property
     def range(self) -> tuple[float, float]:
-        """u_y that uses it up, bending against and with actuation."""
+        """u_y at the limit, for bending against and with actuation."""
         return -self.free_m / (self.radius_m + self.centre_m), self.free_m / (self.radius_m - self.centre_m)
 
 
 @dataclass(frozen=True, eq=False)
 class ModuleProblem:
-    """The boundary-value problem of one module that a family hands to an FEM backend.
+    """The boundary-value problem of one module that a family passes to an FEM backend.
 
-    `frame = "rod"`: the line (y, z) = (0, `reference_z_m`) of the piece gets the axial strain e and turns by the
-    rotation vector Θ along the span, evenly; sections move with it, and v is the displacement in their frame:
+    `frame = "rod"`: the line (y, z) = (0, `reference_z_m`) of the piece has the axial strain e and rotates uniformly
+    by the rotation vector Θ along the span; sections move with it, and v is the displacement in their frame:
 
         x = r(s₁) + R(s₁)(0, ρ),  R' = R [k]×,  k = Θ / ((1 + e) L),  s₁ = (1 + e) X₁ + v₁,  ρ = X + v − line
 
-    Joint axes x, y, z are Θ₁, Θ₂, Θ₃ (a positive Θ₂ turns the end toward −z), those of a prismatic joint the
-    extension e L, as is the axis e of an extensible one. Components of Θ that are no axes are zero. Pressure acts
+    Joint axes x, y, z are Θ₁, Θ₂, Θ₃ (a positive Θ₂ turns the end toward −z); the axis of a prismatic joint and the
+    axis e of an extensible one are the extension e L. Components of Θ that are no axes are zero. Pressure acts
     through the cavity's volume, so that the thrust on the end sections is exact; a tendon through its path.
 
     Attributes:
-        mesh: the piece that is solved.
+        mesh: the solved piece.
         span_m: its length L along x.
         reference_z_m: height of the line whose strain is e and about which angles are measured.
         deformation_scale: the module's joint coordinate u = scale · (Θ or e L) (2 for half a module).
         energy_scale: energy of the module / energy of the piece (4 for half a module cut by y = 0).
-        fixed: displacement components (0, 1, 2 = x, y, z) held at zero, by node set.
+        fixed: displacement components (0, 1, 2 = x, y, z) fixed at zero, by node set.
         tied: components that are equal for all nodes of a set, one unknown for each set and component.
-        links: pairs of nodes that move alike.
+        links: pairs of nodes with equal or mirrored displacement.
         axes: the joint's axes that this piece can move about.
         main_axis: the axis that actuation drives.
         joint: kind of the module's joint.
         stretches: whether e is an unknown; else e = 0 (an inextensible line).
         ribbons: bands at the height of the reference line.
         fibres: threads in the solid, each set of one direction.
-        actuation: name of the input, `pressure_pa` or `tendon_force_n`; of several, all names
+        actuation: name of the input, `pressure_pa` or `tendon_force_n`; for several, all names
             (`pressure_1_pa, pressure_2_pa`), each pressure with its faces in `mesh.cavities`.
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
-        contact_range: u of the main axis between which rigid parts beside the piece stay apart.
-        stops: these parts' edges, for a code that solves contact: it does not end at `contact_range` then.
-        closing: the bending that closes a round module, about y and z together; states beyond are never trusted.
-        requires: what a backend must know beyond this record, by names: those that a problem's own class brings. See
-            `requirements`.
+        contact_range: u of the main axis between which rigid parts next to the piece do not touch.
+        stops: edges of these parts, for a code that solves contact, which then does not end at `contact_range`.
+        closing: limit of bending of a round module, about y and z together; states beyond are never trusted.
+        requires: names of requirements beyond this record, from a subclass of the problem. See `requirements`.
     """
 
     mesh: ModuleMesh
@@ -248,7 +254,7 @@ class ModuleProblem:
 
     @property
     def requirements(self) -> frozenset[str]:
-        """Names of all that a backend must know to solve it: `requires`, and the optional parts that it has."""
+        """Names of all requirements on a backend: `requires`, and the optional parts of the problem."""
         parts = {
             "regions": self.mesh.regions,
             "tetrahedra": self.mesh.cells.shape[1] == 10,
@@ -264,7 +270,7 @@ class ModuleProblem:
     @property
     def actuations(self) -> tuple[str, ...]:
         """Names of the inputs."""
-        return names_of(self.actuation)
+        return split_actuation_names(self.actuation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,20 +279,20 @@ class FemState:
 
     τ is the external effort that opposes the actuation, τ(p, u) = −∂Π/∂u, zero along axes that are free. Slopes
     are exact tangents with every other unknown at equilibrium, all of u being independent, so that dtau_du is
-    symmetric. `status` is "ok", "touching" (walls hold each other, the contact solved) or "self_contact" (convolutions
-    or rigid parts overlap: the state is marked, not trusted).
+    symmetric. `status` is "ok", "touching" (walls in solved contact) or "self_contact" (convolutions or rigid parts
+    overlap: the state is marked and not trusted).
 
     Attributes:
-        actuation: pressure (Pa) or tendon force (N); (m,) where there are several.
+        actuation: pressure (Pa) or tendon force (N); (m,) for several.
         deformation: u, (k,) in rad, or m for a prismatic joint.
         tau: (k,) in N·m, or N.
         dtau_dp: (k,) by actuation; (k, m) by several.
         dtau_du: (k, k).
         energy_j: elastic energy of the module.
-        travel: what the actuation works on: change of the cavity's volume (m³), or tendon drawn out (m); (m,) of
+        travel: work conjugate of the actuation: change of the cavity's volume (m³), or tendon drawn out (m); (m,) for
             several.
         axial_strain: e.
-        main: place of the axis that actuation drives.
+        main: index of the axis that actuation drives.
         held: names of the axes whose u was prescribed; none on the free branch.
         solution: the backend's own unknowns.
     """
@@ -308,7 +314,7 @@ class FemState:
     solution: Array = field(repr=False, default_factory=lambda: np.zeros(0))
 
     @staticmethod
-    def of_one_axis(
+    def from_one_axis(
         actuation: float,
         angle_rad: float,
         moment_n_m: float,
@@ -316,7 +322,7 @@ class FemState:
         dmoment_du: float,
         **others: Any,
     ) -> FemState:
-        """A state of a joint with one axis, by numbers; `others` are the remaining attributes."""
+        """Return a state of a joint with one axis from numbers; `others` are the remaining attributes."""
         return FemState(
             actuation,
             np.array([angle_rad]),
@@ -328,7 +334,7 @@ class FemState:
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing overlaps, or what overlaps is let pass."""
+        """Return whether the state has no overlap, or an allowed one."""
         return self.status in TRUSTED
 
     @property
@@ -348,7 +354,7 @@ class FemState:
 
     @property
     def dmoment_du(self) -> float:
-        """∂τ/∂u of the main axis, the other axes held."""
+        """∂τ/∂u of the main axis, with the other axes fixed."""
         return float(self.dtau_du[self.main, self.main])
 
 
@@ -377,7 +383,7 @@ class ModuleShape:
     Triangles of tetrahedra are squares with a collapsed edge (`meshing.cells.SquareSkin`).
 
     Attributes:
-        von_mises_pa: (n,) von Mises stress on the skin, where it was asked for and the backend gives fields.
+        von_mises_pa: (n,) von Mises stress on the skin, if requested and provided by the backend.
         mirrors: planes through the origin in which mirror images of the piece make the module, by their normals.
     """
 
@@ -394,8 +400,8 @@ class FemDataset:
     """Data of one design on one axis: one row per state; all arrays have shape (n,).
 
     Slopes may be NaN (data from elsewhere). `role` is "fit" or "check": a check state is never fitted. For a
-    prismatic joint `angle_rad` holds the extension in m and `moment_n_m` the force in N. `travel` is that of
-    `FemState`, None or NaN where it is not known.
+    prismatic joint `angle_rad` is the extension in m and `moment_n_m` the force in N. `travel` is that of
+    `FemState`, None or NaN if it is not known.
     """
 
     design: Design
@@ -419,11 +425,16 @@ class FemDataset:
         return len(self.actuation)
 
     def select(self, role: Role) -> FemDataset:
-        """The data set of the states with one role."""
-        return self.rows(self.role == role)
+        """Return the data set of the states with one role, without untrusted ones, such as self-contact."""
+        return self.rows((self.role == role) & self.trusted)
+
+    @property
+    def trusted(self) -> NDArray[np.bool_]:
+        """(n,) states whose status is one of `TRUSTED`."""
+        return np.isin(self.status, TRUSTED)
 
     def rows(self, keep: NDArray[np.bool_]) -> FemDataset:
-        """The states that a mask (n,) chooses, without what belongs to the whole: failures and shapes."""
+        """Return the states selected by a mask (n,), without failures and shapes, which describe all states."""
         arrays = {name: getattr(self, name)[keep] for name in COLUMNS}
         travel = None if self.travel is None else self.travel[keep]
         return FemDataset(
@@ -439,8 +450,8 @@ class ModuleData:
         actuation (n,), deformation (n, k), tau (n, k), dtau_dp (n, k), dtau_du (n, k, k), energy_j (n,),
         travel (n,), iterations (n,), wall_s (n,): as in `FemState`.
             With m > 1 actuations: actuation and travel (n, m), dtau_dp (n, k, m).
-        explored: (n,) the axis whose law the state explores: the main one where only that is held or all are free;
-            "coupling" where several are held.
+        explored: (n,) the axis whose law the state explores: the main one if only that is prescribed or all are
+            free; "coupling" if several are prescribed.
         branch, status, role: (n,) as in `FemDataset`.
         failed: states that were not reached, with their cause.
         shapes: deformed skins of the free branch.
@@ -475,14 +486,23 @@ class ModuleData:
     @property
     def actuations(self) -> tuple[str, ...]:
         """Names of the inputs."""
-        return names_of(self.actuation_name)
+        return split_actuation_names(self.actuation_name)
+
+    def select(self, role: Role) -> ModuleData:
+        """Return the states with one role, without untrusted ones, such as self-contact."""
+        return self.rows((self.role == role) & self.trusted)
+
+    @property
+    def trusted(self) -> NDArray[np.bool_]:
+        """(n,) states whose status is one of `TRUSTED`."""
+        return np.isin(self.status, TRUSTED)
 
     def rows(self, keep: NDArray[np.bool_] | IntArray) -> ModuleData:
-        """The states that a mask (n,) or numbers choose."""
+        """Return the states selected by a mask (n,) or indices."""
         return replace(self, **{name: getattr(self, name)[keep] for name in STATE_COLUMNS})
 
     def axis(self, name: str) -> FemDataset:
-        """The states that explore one axis, as data of that axis alone.
+        """Return the states that explore one axis, as data of that axis.
 
         While a lateral axis is explored the others are free, so its slopes are those with the others following.
         """
@@ -505,7 +525,7 @@ class ModuleData:
         )
 
     def _slopes(self, k: int, rows: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """∂τ/∂p and ∂τ/∂u of axis k, both (n,), the other axes condensed where they are free."""
+        """Return ∂τ/∂p and ∂τ/∂u of axis k, both (n,), with free other axes condensed."""
         by_p, by_u = self.dtau_dp[rows, k], self.dtau_du[rows, k, k]
         others = [j for j in range(len(self.axes)) if j != k]
         if self.axes[k] == self.main_axis or not others or len(by_p) == 0:
@@ -518,6 +538,6 @@ class ModuleData:
         return by_p, by_u
 
     def explored_axes(self) -> tuple[str, ...]:
-        """Axes with states of their own, the main one first."""
+        """Return the axes with states that explore them, the main one first."""
         found = [name for name in self.axes if np.any(self.explored == name)]
         return tuple(sorted(found, key=lambda name: name != self.main_axis))

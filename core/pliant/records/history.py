@@ -1,4 +1,4 @@
-"""Histories: what a bench did over time, and how a chain followed."""
+"""Histories: inputs of a run over time, and the motion of a chain under them."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ BASE = ("base_roll_rad", "base_pitch_rad", "base_yaw_rad")
 
 @dataclass(frozen=True)
 class LetGo:
-    """The begin of a free swing.
+    """Start of a free swing.
 
     Attributes:
-        until_s: it is held up to this instant of the clock; None: at the first sample alone.
-        bend_rad: sum of the joints' main coordinates while it is held; None: as it was read first.
+        until_s: the chain is held up to this time; None: only at the first sample.
+        bend_rad: sum of the joints' main coordinates while it is held; None: the first reading.
     """
 
     until_s: float | None = None
@@ -37,25 +37,25 @@ class LetGo:
 class History:
     """The inputs of one run, sampled at t instants.
 
-    Between samples the inputs are straight lines. A run begins at rest: what heals in time has healed, and the
-    chain has moved slowly from its straight shape to the first sample. What does not heal (`LawTerm.keeps`)
-    goes on from the runs of the same specimen before it.
+    Between samples the inputs are linear. A run starts at rest: healing memory has healed, and the chain has moved
+    slowly from its straight shape to the first sample. Permanent memory (`LawTerm.keeps`) continues from the earlier
+    runs of the same specimen.
 
     Attributes:
         run: the run's name.
-        specimen: the body that was tested; runs of one specimen follow each other in the order given.
-        time_s: (t,) increasing; None where every sample is a state of its own, reached slowly.
+        specimen: the tested body; runs of one specimen are consecutive in the given order.
+        time_s: (t,) increasing; None if every sample is a separate state, reached slowly.
         actuation: (t,) for each input of the chain, Pa, N or m.
         tip_force_n: (t, 3) dead force at the tip, world frame.
         moment_n_m: (t,) end moment that opposes the actuation.
-        temperature_c: (t,); `REFERENCE_TEMPERATURE_C` where it was not measured.
+        temperature_c: (t,); `REFERENCE_TEMPERATURE_C` if it was not measured.
         base_angles_rad: (t, 3) about world x, y, z in that order, after the chain's base pose.
-        payload_kg: (t,) mass hung at the tip, instead of the chain's own; None keeps the chain's.
-        valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
-            commanded pressure does not reach them; None where they always are connected. A value holds for the
+        payload_kg: (t,) mass at the tip, instead of the chain's own; None: the chain's.
+        valve_open: (t,) 1 while the chambers are connected to their supply, 0 while they are closed off and the
+            commanded pressure does not reach them; None if they are always connected. A value applies to the
             step that leads to its sample.
-        let_go: it begins at rest under an end moment that holds it somewhere, and that is gone later: a free swing.
-        lead: samples at its begin that were put before those that were recorded; nothing is read at them.
+        let_go: the run starts at rest under a holding end moment, which is then removed: a free swing.
+        lead: number of initial samples that were prepended to the recorded ones; they have no readings.
     """
 
     run: str
@@ -75,22 +75,22 @@ class History:
         return len(self.moment_n_m)
 
     def with_(self, **changes: object) -> History:
-        """A copy with some fields replaced."""
+        """Return a copy with some fields replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def with_actuation(self, **changes: Array) -> History:
-        """A copy with some actuations replaced, by name."""
+        """Return a copy with some actuations replaced, by name."""
         return replace(self, actuation={**self.actuation, **changes})
 
     def refined(self, parts: int) -> History:
-        """The same straight lines with `parts` samples where there was one; without a clock, the history itself."""
+        """Return the same linear inputs with `parts` samples per step; without a clock, the history itself."""
         if self.time_s is None or parts == 1:
             return self
         samples = np.arange(len(self))
         places = np.linspace(0, len(self) - 1, parts * (len(self) - 1) + 1)
 
         def between(values: Array) -> Array:
-            """(t', …) of (t, …)."""
+            """Return Interpolate (t, …) to (t', …)."""
             columns = values.reshape(len(self), -1).T
             rows = np.stack([np.interp(places, samples, column) for column in columns], axis=1)
             return np.asarray(rows.reshape(len(places), *values.shape[1:]))
@@ -104,14 +104,14 @@ class History:
             temperature_c=between(self.temperature_c),
             base_angles_rad=between(self.base_angles_rad),
             payload_kg=None if self.payload_kg is None else between(self.payload_kg),
-            # what is said of a sample holds for the step that leads to it
+            # these values of a sample apply to the step that leads to it
             valve_open=None
             if self.valve_open is None
             else self.valve_open[np.ceil(places - 1e-9).astype(int)],
         )
 
     def at_samples(self, places: NDArray[np.intp]) -> History:
-        """Some of its samples, (k,) their places in their order."""
+        """Return the history at some of its samples, with ascending indices (k,)."""
 
         def some(values: Array | None) -> Array | None:
             return None if values is None else values[places]
@@ -129,7 +129,7 @@ class History:
         )
 
     def signals(self) -> dict[str, Array]:
-        """(t,) each input, load and condition that the run has, by the name of its column in a measurement file."""
+        """Return (t,) each input, load and condition of the run, by the name of its column in a measurement file."""
         optional = {"payload_kg": self.payload_kg, "valve_open": self.valve_open}
         return {
             **self.actuation,
@@ -141,7 +141,7 @@ class History:
         }
 
     def at(self, index: int) -> Inputs:
-        """The inputs of one sample."""
+        """Return the inputs of one sample."""
         return Inputs(
             {name: float(values[index]) for name, values in self.actuation.items()},
             np.array(self.tip_force_n[index], float),
@@ -149,7 +149,7 @@ class History:
         )
 
     @staticmethod
-    def of(
+    def from_arrays(
         actuation: Mapping[str, Any],
         time_s: Array | None = None,
         *,
@@ -162,7 +162,7 @@ class History:
         payload_kg: Any = None,
         valve_open: Any = None,
     ) -> History:
-        """A history from arrays or constants; every array has the length of the longest."""
+        """Return a history from arrays or constants, all extended to the length of the longest array."""
         columns = (*actuation.values(), moment_n_m, temperature_c, payload_kg, valve_open, time_s)
         given = [np.asarray(v, float) for v in columns if v is not None]
         tables = [np.asarray(v, float) for v in (tip_force_n, base_angles_rad)]
@@ -189,9 +189,9 @@ class History:
 
 
 def held(history: History) -> History:
-    """The history as its chambers have it: closed off, they keep the pressure they had when the valve closed.
+    """Return the history of the chamber pressures: closed chambers keep the pressure at which the valve closed.
 
-    That is the commanded pressure of the last sample with an open valve, or the first of a run that begins closed.
+    That is the commanded pressure of the last sample with an open valve, or the first one of a run that starts closed.
     Tendons have no valve.
     """
     if history.valve_open is None or bool(np.all(history.valve_open != 0.0)):
@@ -202,18 +202,18 @@ def held(history: History) -> History:
 
 
 def run_by_run(values: NDArray[Any], histories: Sequence[History]) -> list[NDArray[Any]]:
-    """Rows (N, …) of all histories one after another as views of each one's (t, …)."""
+    """Split concatenated rows (N, …) of all histories into views of each one's (t, …)."""
     ends = np.cumsum([len(history) for history in histories]).tolist()
     return [values[start:end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """How a chain followed one history.
+    """Motion of a chain under one history.
 
     Attributes:
         joint_angles: (t, n, a) joint coordinates.
-        converged: (t,) an equilibrium was reached at that sample.
+        converged: (t,) whether an equilibrium was reached at that sample.
     """
 
     joint_angles: Array

@@ -1,4 +1,4 @@
-"""A chain's history again under shares of its load: what a page's load slider moves through."""
+"""Histories of a chain under fractions of its load, for a page's load slider."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pliant.records.rollout import Rollout
 
 @dataclass(frozen=True, eq=False)
 class LoadFrames:
-    """The same actuations under other loads.
+    """Histories of the same actuations under other loads.
 
     Attributes:
-        payload_kg: of the study, hung at the tip.
+        payload_kg: of the study, at the tip.
         force_n: of the study, at the tip.
         shares: (l,) of both; 1 is the study's own.
         joint_angles: (l, t, n, a).
@@ -31,17 +31,17 @@ class LoadFrames:
 
     @staticmethod
     def only(history: Rollout) -> LoadFrames:
-        """A history under its own load alone."""
+        """Return the frames of a history under its own load only."""
         return LoadFrames(0.0, 0.0, np.ones(1), history.joint_angles[None], history.markers_m[None])
 
     @property
     def own(self) -> int:
-        """The place of the study's own load."""
+        """The index of the study's own load."""
         return int(np.abs(self.shares - 1.0).argmin())
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Each load with its unit; empty where there is one."""
+        """The loads with their units; empty for a single load."""
         if len(self.shares) < 2:
             return ()
         parts = [(self.payload_kg, display_unit("kg")), (self.force_n, display_unit("N"))]

@@ -1,4 +1,4 @@
-"""Measurements: what a bench recorded, run by run."""
+"""Measurements: laboratory recordings, run by run."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pliant.records.history import History
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRun:
-    """One run: its inputs and what was read.
+    """One run: its inputs and readings.
 
     Attributes:
         history: inputs, loads and conditions.
-        outputs: (t,) for each output of the measurement, SI; NaN where nothing was read.
-        sigma: (t,) stated standard deviation for the outputs that have one; NaN where it is not stated.
-        cycle: (t,) cycle number where the file gives it, else counted from the actuation, from 1.
-        lines: (t,) the line of the file that each sample stands in; empty for data made in memory.
+        outputs: (t,) for each output of the measurement, SI; NaN without a reading.
+        sigma: (t,) stated standard deviation for the outputs that have one; NaN if it is not stated.
+        cycle: (t,) cycle number of the file, else counted from the actuation, from 1.
+        lines: (t,) the line of each sample in the file; empty for data in memory.
     """
 
     history: History
@@ -38,11 +38,11 @@ class MeasuredRun:
         return len(self.history)
 
     def input(self, name: str) -> Array:
-        """(t,) an input by name; NaN where the run has none of it."""
+        """Return (t,) an input by name; NaN if the run does not have it."""
         return np.asarray(self.history.actuation.get(name, np.full(len(self), np.nan)), float)
 
     def at(self, places: NDArray[np.intp]) -> MeasuredRun:
-        """Some of its samples, (k,) their places in their order."""
+        """Return the run at some of its samples, with ascending indices (k,)."""
         return MeasuredRun(
             self.history.at_samples(places),
             {name: values[places] for name, values in self.outputs.items()},
@@ -52,18 +52,19 @@ class MeasuredRun:
         )
 
     def with_outputs(self, outputs: Mapping[str, Array]) -> MeasuredRun:
-        """The run with other readings, everything else kept."""
+        """Return the run with other readings, otherwise unchanged."""
         return replace(self, outputs=dict(outputs))
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """A column that was read as it says, and may mean something else.
+    """A column that was read as stated but may have another meaning.
 
     Attributes:
         column: its name in the file.
-        kind: unit, zero, beginning (in the middle of a motion), saturated, frozen, or order (rows that were sorted).
-        sentence: what makes one doubt, and the line of the notes that would settle it; it begins with the column.
+        kind: unit, zero, beginning (in the middle of a motion), saturated, frozen, order (rows that were sorted),
+            rate (stated without a clock), or run (an unread column may name the runs).
+        sentence: the reason for the doubt, and the line of the notes that resolves it; it starts with the column.
     """
 
     column: str
@@ -73,10 +74,10 @@ class Doubt:
 
 @dataclass(frozen=True)
 class SensorFrame:
-    """The turn of the frame in which positions or pairs of bends are read; unknown where both are None.
+    """Rotation of the frame in which positions or pairs of bends are read; unknown without both.
 
     Attributes:
-        quaternion: (w, x, y, z) that takes world vectors to those of the camera.
+        quaternion: (w, x, y, z) that rotates world vectors to those of the camera.
         angle_rad: about the chain axis, from the module's y and z to the axes of a pair of bend sensors.
     """
 
@@ -90,24 +91,24 @@ class SensorFrame:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Runs with the same outputs, in the order in which they were done.
+    """Runs with the same outputs, in chronological order.
 
     Attributes:
         runs: see `MeasuredRun`.
         outputs: names as in docs/conventions.md (`angle_rad`, `tip_x_m`…); the unit is in the name.
         source: the file's name, for messages.
-        sha256: of the file's content; empty for data made in memory.
-        remarks: what the reader did or noticed that changes how results should be read, in sentences.
-        marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty where
+        sha256: of the file's content; "" for data in memory.
+        remarks: changes and observations of the reader that affect the interpretation of results, in sentences.
+        marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty if the
             markers are the chain's own (joints 1…N, then the tip as N + 1).
-        marker_offsets_m: (x, y, z) of each of them beside the centre line, in the frame of its piece; empty where all
-            stand on it.
-        frames: in which positions or pairs of bends are read, by a pattern of runs' names ("*" for all); empty for the
-            world's and the module's.
-        free_zeros: outputs whose zero is unknown → "unknown" (one of all runs) or "per run".
-        doubts: columns that may mean something else; `remarks` holds their sentences too.
-        written: Pliant's name of each column that was read → its unit in the file ("mbar" of `pressure_pa`).
-        headed: Pliant's name of each column that was read → its heading in the file ("Druck [mbar]").
+        marker_offsets_m: (x, y, z) offset of each from the centre line, in the frame of its piece; empty if all are
+            on it.
+        frames: in which positions or pairs of bends are read, by a pattern of runs' names ("*" for all); empty for
+            the world's and the module's.
+        free_zeros: outputs of unknown zero → "unknown" (one for all runs) or "per run".
+        doubts: columns that may have another meaning; `remarks` includes their sentences.
+        written: Pliant's name of each read column → its unit in the file ("mbar" of `pressure_pa`).
+        headed: Pliant's name of each read column → its heading in the file ("Druck [mbar]").
     """
 
     runs: tuple[MeasuredRun, ...]
@@ -125,5 +126,5 @@ class Measurement:
 
     @property
     def n_samples(self) -> int:
-        """Readings that are there, over all outputs."""
+        """Number of readings of all outputs."""
         return int(sum(np.isfinite(run.outputs[name]).sum() for run in self.runs for name in self.outputs))

@@ -1,4 +1,4 @@
-"""What viewers draw: a scene and how it moved."""
+"""Motion for viewers: a scene and its frames."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from pliant.records.scene import Scene, SceneFrames
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A scene with the frames to be drawn, one picture each.
+    """A scene with the frames to draw, one picture each.
 
-    The shapes of arms and objects are what is to be seen, surfaces rather than collision shapes: halves of modules
-    that end at a joint belong together and may be drawn bent. A chain alone is a scene with one arm and no floor.
+    The shapes of arms and objects are visible surfaces rather than collision shapes: halves of modules that end at a
+    joint belong together and may be drawn bent. A chain is a scene with one arm and no floor.
 
     Attributes:
-        scene: what is drawn.
+        scene: to be drawn.
         frames: its poses, one picture each.
-        seen: all poses that the camera must see, where they are more than the frames.
+        seen: all poses that the camera must cover, if more than the frames.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""What a chain stands on where its base is not fixed in the world: somebody else's arm, and its pose."""
+"""Mount of a chain whose base is not fixed in the world: an imported arm and its pose."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from pliant.records.design import Array
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """An arm in a file of the engine's format; the chain's base pose is in the frame of a site or body of it.
+    """An arm in a file of the engine's format; the chain's base pose is in the frame of one of its sites or bodies.
 
     Attributes:
         file: the arm's.
         at: name of the site or body.
-        keyframe: where the arm begins and what its actuators are told; None: the file's first, else its zero pose.
-        joints: position by name, rad or m, in place of the keyframe's; a position servo there is told the same.
+        keyframe: initial pose and actuator commands of the arm; None: the file's first, else its zero pose.
+        joints: position by name, rad or m, replacing the keyframe's; also the command of a position servo there.
         ctrl: command by actuator, in its own unit.
-        units: rad or m, of those `joints` that were written with a unit.
+        units: rad or m, of those `joints` that were stated with a unit.
     """
 
     file: Path
@@ -39,9 +39,9 @@ class Carrier:
 
     Attributes:
         names: of its joints with one coordinate, unit at the end.
-        coordinates: (…, k) of these, rad or m.
+        coordinates: (…, k) of these joints, rad or m.
         position_m, rotation: (…, 3) and (…, 3, 3) the mount's frame in the world.
-        moved_m: (…, 3) how far its origin is from where it is at the arm's first pose.
+        moved_m: (…, 3) displacement of its origin from the arm's first pose.
         bodies_m, body_rotations: (…, b, 3) and (…, b, 3, 3) frames of the arm's bodies.
     """
 
@@ -55,7 +55,7 @@ class Carrier:
 
     @staticmethod
     def stacked(each: Sequence[Carrier | None]) -> Carrier | None:
-        """Those of several instants as one; None without a mount."""
+        """Stack the carriers of several instants; return None without a mount."""
         known = [one for one in each if one is not None]
         if not known:
             return None
@@ -67,9 +67,9 @@ class Carrier:
         return Carrier(known[0].names, *map(column, arrays))
 
     def on_mount(self, points_m: Array) -> Array:
-        """World points (…, 3) in the frame of the mount, at one instant."""
+        """Transform world points (…, 3) to the frame of the mount, at one instant."""
         return np.asarray((points_m - self.position_m) @ self.rotation)
 
     def in_world(self, points_m: Array) -> Array:
-        """Points (…, 3) of the mount's frame in the world, at one instant."""
+        """Transform points (…, 3) of the mount's frame to the world, at one instant."""
         return np.asarray(points_m @ self.rotation.T + self.position_m)

@@ -9,7 +9,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numpy numbers as JSON values; what is not finite becomes null."""
+    """Convert arrays and NumPy numbers to JSON values; values that are not finite become null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""A sentence that limits a result, with what it is about."""
+"""Remark: a sentence that limits a result, with its subject."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from enum import IntEnum
 
 
 class Rank(IntEnum):
-    """What a remark is about, the gravest first."""
+    """Subject of a remark, the most severe first."""
 
-    UNIT = 0  # a unit, a sign, a label may be wrong: no number is to be believed before that is settled
+    UNIT = 0  # a unit, a sign or a label may be wrong, so that no number is reliable
     FLOOR = 1  # the noise floor cannot judge
-    DATA = 2  # what the data lack, and what the result rests on
+    DATA = 2  # what the data lack, and what the result depends on
     DETAIL = 3
 
 
 class Remark(str):
-    """A text that knows its rank; a plain text among remarks is about the data.
+    """A text with a rank; plain strings among remarks are about the data.
 
     Attributes:
-        rank: how grave it is.
-        left_out: the kind of effect that was not tried and that it is about; empty for all others.
+        rank: its severity.
+        left_out: the kind of effect that was not tried, if it is about one; else "".
     """
 
     rank: Rank
@@ -31,15 +31,15 @@ class Remark(str):
         return made
 
     @classmethod
-    def of(cls, text: str) -> Remark:
-        """The text as a remark; itself where it is one."""
+    def from_text(cls, text: str) -> Remark:
+        """Return the text as a remark; a remark is returned unchanged."""
         return text if isinstance(text, cls) else cls(text)
 
     def from_file(self, name: str) -> Remark:
-        """The same, said of one file among several."""
+        """Return the same remark about one file among several."""
         return Remark(f"{name}: {self}", self.rank, self.left_out)
 
 
 def detail(text: str) -> Remark:
-    """What may be left unread."""
+    """Return the text as a remark of the lowest rank."""
     return Remark(text, Rank.DETAIL)

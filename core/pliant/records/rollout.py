@@ -1,4 +1,4 @@
-"""What goes into a simulation and what comes out of it."""
+"""Inputs and results of simulations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.formatting import unit_of
+from pliant.formatting import output_unit
 from pliant.records.design import Array
 from pliant.records.mount import Carrier
 from pliant.records.scene import SceneFrames, SceneStill
@@ -18,7 +18,7 @@ from pliant.records.scene import SceneFrames, SceneStill
 class PointForce:
     """A dead force: `force_n` (3,) in the world, at `point_m` (3,) in the frame of body 0…n of the chain.
 
-    A wrench is a force and a couple of two opposite forces beside each other: so it has a potential.
+    A wrench is a force and a couple of two opposite forces at different points, so that it has a potential.
     """
 
     body: int
@@ -26,7 +26,7 @@ class PointForce:
     force_n: Array
 
     def scaled(self, share: float) -> PointForce:
-        """The force times a share, at the same point."""
+        """Return the force multiplied by a share, at the same point."""
         return replace(self, force_n=share * np.asarray(self.force_n, float))
 
 
@@ -40,7 +40,7 @@ class Cord:
     tension_n: float
 
     def scaled(self, share: float) -> Cord:
-        """The cord with its tension times a share."""
+        """Return the cord with its tension multiplied by a share."""
         return replace(self, tension_n=share * self.tension_n)
 
 
@@ -51,9 +51,9 @@ class Inputs:
     Attributes:
         actuation: value of each actuator's input, e.g. ``{"pressure_pa": 15e3}``.
         tip_force_n: (3,) dead force at the tip, world frame.
-        moment_n_m: external end moment about the main axis that opposes the actuation. It is carried by every
-            joint: its potential is moment · Σ main-axis coordinates, on a planar chain that of a moment on the
-            tip body. Prismatic chains take none.
+        moment_n_m: external end moment about the main axis that opposes the actuation. It acts on every joint: its
+            potential is moment · Σ main-axis coordinates, on a planar chain that of a moment on the tip body.
+            Prismatic chains have none.
         forces: dead forces at points of the bodies.
         cords: cords of constant tension toward pulleys.
     """
@@ -67,10 +67,10 @@ class Inputs:
 
 @dataclass(frozen=True)
 class OutsideDomain:
-    """A law was used outside the box of its data: joint number from 1, variable, how far, when.
+    """Use of a law outside the box of its data: joint number from 1, variable, excess, time.
 
     `variable` is the input's name, `angle_rad` (`angle_x_rad`… on a spherical joint, `extension_m` on a
-    prismatic one), or `dtau_du` where the law's slope is not negative. `excess` is in the variable's unit and in
+    prismatic one), or `dtau_du` if the law's slope is not negative. `excess` is in the variable's unit and in
     joint coordinates: negative below the box, positive above.
     """
 
@@ -80,8 +80,8 @@ class OutsideDomain:
     excess: float
 
     def __str__(self) -> str:
-        """For people: "pressure_pa by 3 kPa"."""
-        return f"{self.variable} by {unit_of(self.variable).text(self.excess, 3)}"
+        """Return the text "pressure_pa by 3 kPa" for messages."""
+        return f"{self.variable} by {output_unit(self.variable).text(self.excess, 3)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +91,12 @@ class Equilibrium:
     Attributes:
         joint_angles: (n, a) joint coordinates.
         markers_m: (n + 2, 3) base, joints 1…n, tip, world frame.
-        residual: largest unbalanced effort, N·m (N for prismatic joints), measured by the common statics; not a number
-            where the chain is in motion or contact holds it.
-        converged: the engine reached its own tolerance; of a motion, that it could follow it.
-        stable: the potential energy has a minimum here; None if the engine cannot tell.
+        residual: largest unbalanced effort, N·m (N for prismatic joints), computed by the common statics; NaN if the
+            chain is in motion or in contact.
+        converged: whether the engine reached its tolerance; for a motion, whether it could be followed.
+        stable: whether the potential energy has a minimum here; None if the engine does not determine it.
         iterations: Newton iterations or time steps.
-        carrier: what the chain stands on, where that is not the world.
+        carrier: the arm on which the chain is mounted, if any.
     """
 
     joint_angles: Array
@@ -111,7 +111,7 @@ class Equilibrium:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the joint efforts are meant to balance: not in motion, nor held by contact."""
+        """Return whether the joint efforts should balance: neither in motion nor in contact."""
         return not np.isnan(self.residual)
 
     @property
@@ -124,7 +124,7 @@ class Equilibrium:
 class Rollout:
     """A history: time_s (t,), actuation (t, inputs), joint_angles (t, n, a), markers_m (t, n + 2, 3).
 
-    `carrier`: what the chain stands on at these times, where that is not the world.
+    `carrier`: the arm on which the chain is mounted at these times, if any.
     """
 
     time_s: Array
@@ -136,13 +136,13 @@ class Rollout:
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
-    """What a task leaves behind: the settled chain, the task's metrics (SI, unit in the name), a history.
+    """Result of a task: the settled chain, the task's metrics (SI, unit in the name), a history.
 
-    A task in a scene leaves `frames` and a few `stills` of its first trial; its `final` is the first arm at the
-    end, whose residual is not a number because contact forces are not in it.
+    A task in a scene has `frames` and a few `stills` of its first trial; its `final` is the first arm at the end, with
+    a residual of NaN, since contact forces are not included.
 
-    `not_reached` is a sentence where the task was not carried out in full: what failed, and what held last, of which
-    `last_held` is the place in the history, where one is known.
+    `not_reached` is a sentence if the task was not completed: what failed, and the last valid state; `last_held` is its
+    index in the history, if known.
     """
 
     final: Equilibrium
@@ -155,13 +155,13 @@ class TaskResult:
 
     @property
     def reached(self) -> bool:
-        """Whether `final` is a state that the chain holds under what the task asked for."""
+        """Return whether `final` is an equilibrium under the conditions that the task requires."""
         return self.final.converged and not self.not_reached
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """How an equilibrium moves to first order, by the implicit function theorem.
+    """First-order change of an equilibrium, by the implicit function theorem.
 
     Keys: each input's name (`pressure_pa`), `tip_force_n` (trailing 3), `moment_n_m`, `payload_kg`,
     `gravity_m_s2` (trailing 3) and `law_0`… (trailing: the parameters of `ChainModel.laws[k].scalar()`).
@@ -177,7 +177,7 @@ class Sensitivity:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """An equilibrium and how it answers to the inputs to first order.
+    """An equilibrium and its first-order change with the inputs.
 
     Attributes:
         joint_angles: (n, a).
@@ -186,7 +186,7 @@ class Response:
         tip_rotation: (3, 3) attitude of the last body in the world.
         tip_spin: (k, 3) its angular velocity per unit of each input.
         converged: whether it is an equilibrium with slopes.
-        inside: whether every law has data there.
+        inside: whether every law is inside its domain.
     """
 
     joint_angles: Array

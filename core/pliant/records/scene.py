@@ -1,4 +1,4 @@
-"""A scene: arms on one carriage, free objects, a floor. What tasks with contact build and engines simulate."""
+"""Scenes for tasks with contact: arms on one carriage, free objects, a floor."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FreeBody:
     Attributes:
         name: for messages and pictures.
         mass: in the object's own frame; its centre of mass need not be the origin.
-        shapes: what collides, in the same frame.
+        shapes: collision shapes, in the same frame.
         friction: coefficient against the floor, and against arms by the scene's rule.
         position_m, rotation: (3,) and (3, 3), pose at the start.
     """
@@ -42,7 +42,7 @@ class FreeBody:
 
     @staticmethod
     def seen(name: str, shapes: tuple[Shape, ...]) -> FreeBody:
-        """A body that is only drawn."""
+        """Return a body that is only drawn."""
         return FreeBody(name, MassProperties.none(), shapes, 0.0, np.zeros(3), np.eye(3))
 
 
@@ -51,17 +51,17 @@ class Scene:
     """Arms, objects and floor, at rest at time 0.
 
     The coefficient of friction of a pair is the product of both bodies' coefficients, in every engine: an
-    object of coefficient 1 takes the arms' own. Arms collide with objects and floor; with each other and themselves too
-    where `arms_touch` says so, and then by the product of their coefficients.
+    object of coefficient 1 has the arms' friction. Arms collide with objects and floor, and if `arms_touch` also with
+    each other and themselves, with the product of their coefficients.
 
     Attributes:
-        arms: chains with their base poses in the world at the start; the carriage moves all of them together.
+        arms: chains with their base poses in the world at the start; the carriage moves all of them.
         objects: free bodies; they collide with arms, floor and each other.
         floor_m: height of a horizontal floor, or None.
         floor_friction: its coefficient.
-        gravity_m_s2: (3,), for arms and objects alike; the chains' own is not used.
+        gravity_m_s2: (3,), for arms and objects; the chains' own gravity is not used.
         arms_touch: whether arms collide with each other, and parts of one arm that are far apart along it.
-        carriers: so many of the objects, the first, are bodies of what carries the arm; only drawn.
+        carriers: number of leading objects that are bodies of the carrying arm; only drawn.
     """
 
     arms: tuple[Arm, ...]
@@ -83,14 +83,15 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A touching point. Forces are those on `second`, in the world.
+    """A contact point. Forces are those on `second`, in the world.
 
     Attributes:
-        first, second: the bodies; of an arm and an object, the arm comes first.
+        first, second: the bodies; for an arm and an object, the arm comes first.
         position_m: (3,).
         normal: (3,) unit vector from first to second.
         normal_n: pressing force along it, ≥ 0.
         friction_n: (3,) tangential force on second.
+        depth_m: penetration of the bodies, ≥ 0, since engines' contacts are springs.
     """
 
     first: Part
@@ -99,6 +100,7 @@ class Contact:
     normal: Array
     normal_n: float
     friction_n: Array
+    depth_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,7 @@ class SceneState:
         positions_m, rotations: (k, 3) and (k, 3, 3) of the objects.
         velocities: (k, 6) linear velocity of the frame's origin and angular velocity, world.
         memories: per arm the memory of law terms (n, a, states), or None.
-        private: what else the engine needs to go on exactly (warm starts, caches), arrays by name.
+        private: further arrays by name that the engine needs to continue exactly (warm starts, caches).
     """
 
     time_s: float
@@ -130,8 +132,8 @@ class SceneState:
 class SceneFrames:
     """A scene's motion as recorded: time_s (t,), carriage_m (t, 3), per arm coordinates (t, n, a), and objects.
 
-    positions_m (t, k, 3) and rotations (t, k, 3, 3) are those of the objects. No engine is needed to draw it. Where the
-    frame in which arms stand turns too, carriage_turns (t, 3, 3) is its attitude, and carriage_m its origin.
+    positions_m (t, k, 3) and rotations (t, k, 3, 3) are those of the objects. No engine is needed to draw it. If the
+    frame that carries the arms rotates too, carriage_turns (t, 3, 3) is its attitude, and carriage_m its origin.
     """
 
     time_s: Array
@@ -142,8 +144,8 @@ class SceneFrames:
     carriage_turns: Array | None = None
 
     @staticmethod
-    def of(states: Sequence[SceneState]) -> SceneFrames:
-        """Frames of a series of snapshots."""
+    def from_states(states: Sequence[SceneState]) -> SceneFrames:
+        """Return the frames of a series of snapshots."""
         arms = range(len(states[0].coordinates))
         return SceneFrames(
             time_s=np.array([s.time_s for s in states]),
@@ -159,10 +161,10 @@ class SceneStill:
     """A scene at one instant, for a picture: every shape in the world frame.
 
     Attributes:
-        label: what the instant is ("lifted").
-        time_s: when.
-        arms: per arm all its shapes.
-        objects: per object all its shapes.
+        label: name of the instant ("lifted").
+        time_s: its time.
+        arms: all shapes of each arm.
+        objects: all shapes of each object.
         floor_m: height of the floor, or None.
     """
 

@@ -1,4 +1,4 @@
-"""Shapes: what collides, and what is drawn."""
+"""Shapes for collisions and drawing."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class TriangleMesh:
     faces: NDArray[np.int64]
 
     def placed(self, rotation: Array, position_m: Array) -> TriangleMesh:
-        """The same surface turned, then moved."""
+        """Return the same surface rotated, then translated."""
         return TriangleMesh(self.vertices_m @ np.asarray(rotation, float).T + position_m, self.faces)
 
     def joined(self, other: TriangleMesh) -> TriangleMesh:
-        """Both surfaces as one, without merging vertices."""
+        """Return both surfaces as one, without merging vertices."""
         faces = np.concatenate([self.faces, other.faces + len(self.vertices_m)])
         return TriangleMesh(np.concatenate([self.vertices_m, other.vertices_m]), faces)
 
@@ -35,12 +35,12 @@ class Shape:
     """A convex collision shape in the frame of the body that carries it.
 
     Attributes:
-        kind: a primitive, or "mesh", which stands for the convex hull of `mesh`.
+        kind: a primitive, or "mesh", the convex hull of `mesh`.
         size_m: box: half edges (3,); sphere: (radius,); capsule and cylinder: (radius, half length along the
-            shape's own z, a capsule's without its caps); ellipsoid: semi-axes (3,); mesh: ().
+            shape's z, a capsule's without its caps); ellipsoid: semi-axes (3,); mesh: ().
         position_m, rotation: (3,) and (3, 3) pose of the shape in the body's frame.
         mesh: the surface of kind "mesh".
-        rigid: for pictures, which bend what meets at a joint into one skin: this shape keeps its own.
+        rigid: for pictures, which bend shapes that meet at a joint into one skin: this shape is not bent.
     """
 
     kind: ShapeKind
@@ -51,7 +51,7 @@ class Shape:
     rigid: bool = False
 
     def placed(self, rotation: Array, position_m: Array) -> Shape:
-        """The same shape with its body's frame turned, then moved."""
+        """Return the same shape with its body's frame rotated, then translated."""
         turned = np.asarray(rotation, float)
         return replace(
             self,
@@ -73,8 +73,8 @@ class HalfSurfaces:
     """Surfaces of a module's two halves in the module frame, for pictures and STL.
 
     Attributes:
-        start, end: what pictures bend across the joint.
-        rigid_start, rigid_end: what keeps its shape, such as a link; None where all is soft.
+        start, end: surfaces that pictures bend across the joint.
+        rigid_start, rigid_end: surfaces that are not bent, such as a link; None if all is soft.
     """
 
     start: TriangleMesh
@@ -84,7 +84,7 @@ class HalfSurfaces:
 
     @property
     def parts(self) -> tuple[TriangleMesh, ...]:
-        """All surfaces of the module."""
+        """Return all surfaces of the module."""
         every = (self.start, self.end, self.rigid_start, self.rigid_end)
         return tuple(part for part in every if part is not None)
 

@@ -1,4 +1,4 @@
-"""FEM data of many designs of one family: what a meta-model is fitted to."""
+"""FEM data of many designs of one family, to which a meta-model is fitted."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SolvedDesigns:
         return len(self.data)
 
     def rows(self, keep: NDArray[np.bool_]) -> SolvedDesigns:
-        """The designs that a mask (n,) chooses."""
+        """Return the designs selected by a mask (n,)."""
         chosen = tuple(one for one, kept in zip(self.data, keep, strict=True) if kept)
         return SolvedDesigns(self.family, self.names, self.values[keep], self.fixed, chosen)
 
@@ -46,7 +46,7 @@ class SolvedDesigns:
         return np.stack([self.values.min(axis=0), self.values.max(axis=0)], axis=1)
 
     def corners(self) -> NDArray[np.bool_]:
-        """(n,) whether a design lies on the border of the box: left out, it is extrapolated."""
+        """Return (n,) whether a design is on the border of the box, so that it is extrapolated when left out."""
         on_border = np.isclose(
             self.values[:, :, None], self.box[None], rtol=0.0, atol=1e-9 * self.scale[:, None]
         )

@@ -1,1 +1,1 @@
-"""Plugins: what a package declares (`component`), the hook it fills (`hookspecs`), how it is found (`discovery`)."""
+"""Plugins: their declaration (`component`), the hooks that they implement (`hookspecs`), discovery (`discovery`)."""

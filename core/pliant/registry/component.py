@@ -1,42 +1,21 @@
-"""A plugin's manifest entry: light data that describe a component without importing it."""
+"""Manifest entry of a plugin: data that describe a component without importing it."""
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
-import re
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pliant.errors import ContractError, MissingDependencyError
-from pliant.interfaces.base import ComponentConfig
-from pliant.interfaces.effect import EffectConfig
-from pliant.interfaces.family import FamilyConfig
-from pliant.interfaces.fem import FemConfig
-from pliant.interfaces.material import MaterialConfig
-from pliant.interfaces.meta_model import MetaModelConfig
-from pliant.interfaces.optimizer import OptimizerConfig
-from pliant.interfaces.physics import PhysicsConfig
-from pliant.interfaces.surrogate import SurrogateConfig
-from pliant.interfaces.task import TaskConfig
-from pliant.interfaces.viewer import ViewerConfig
+from pliant.errors import MissingDependencyError, PluginFailureError
+from pliant.registry.blame import blamed_on
+from pliant.registry.interface import interfaces
+from pliant.registry.place import imported, is_place
+from pliant.registry.shipped import PACKAGES
 
-# Interface → the base that a component's config model has.
-CONFIG_BASES: dict[str, type[ComponentConfig]] = {
-    "family": FamilyConfig,
-    "material": MaterialConfig,
-    "fem": FemConfig,
-    "surrogate": SurrogateConfig,
-    "meta_model": MetaModelConfig,
-    "effect": EffectConfig,
-    "physics": PhysicsConfig,
-    "task": TaskConfig,
-    "optimizer": OptimizerConfig,
-    "viewer": ViewerConfig,
-}
-INTERFACES = tuple(CONFIG_BASES)
-PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+if TYPE_CHECKING:
+    from pliant.interfaces.base import ComponentConfig
 
 
 @dataclass(frozen=True)
@@ -44,18 +23,18 @@ class Component:
     """One plugin of one interface.
 
     Attributes:
-        interface: one of `INTERFACES`.
+        interface: name of one of `interfaces()`.
         kind: the word that selects it in a study.
         config: "module:Class" of its config model; the module must be cheap to import.
         implementation: "module:Class", imported only when the component is built.
         summary: one line for `pliant plugins` and the reference pages.
-        example: values of keys, as a study writes them, for the reference pages and the conformance suite: those that
-            the config requires, where a field's type has no example of its own.
+        example: values of required keys, in a study's notation, for the reference pages and the conformance suite, if
+            the type of a field has no example.
         requires: modules that the implementation imports and that may be missing; the versions of their
-            distributions are part of the keys of what it makes.
+            distributions are part of the keys of its artifacts.
         lazy: modules that only part of its work needs, such as a fit but not the law of a stored one; their versions
-            are part of the keys too. It imports them where that part begins, and raises `MissingDependencyError`.
-        install: what to type when one is missing.
+            are part of the keys too. It imports them where they are needed, and raises `MissingDependencyError`.
+        install: command that installs a missing module.
         package: name and version of the distribution; filled by discovery.
     """
 
@@ -71,18 +50,19 @@ class Component:
     package: str = ""
 
     def from_package(self, package: str) -> Component:
-        """The same component with its distribution named."""
+        """Return the same component with the name of its distribution."""
         return replace(self, package=package)
 
     def problem(self) -> str | None:
-        """What is wrong with this entry itself, or None; nothing is imported."""
-        if self.interface not in INTERFACES:
-            return f"component '{self.kind}' has interface '{self.interface}'; known: {', '.join(INTERFACES)}"
+        """Return an error in this entry, or None, without importing anything."""
+        if not (isinstance(self.interface, str) and self.interface in interfaces()):
+            known = ", ".join(interfaces())
+            return f"component '{self.kind}' has interface '{self.interface}'; known: {known}"
         if not (isinstance(self.kind, str) and self.kind):
             return f"a {self.interface} component has kind {self.kind!r}; it must be a word"
         for name in ("config", "implementation"):
             place = getattr(self, name)
-            if not (isinstance(place, str) and PLACE.fullmatch(place)):
+            if not is_place(place):
                 return f"{self.label} has {name} {place!r}; write it as 'package.module:Class'"
         for name in ("summary", "install"):
             if not isinstance(getattr(self, name), str):
@@ -97,29 +77,39 @@ class Component:
         return None
 
     def config_model(self) -> type[ComponentConfig]:
-        """Import the config model; raises `ContractError` for what is none of this interface."""
-        model = self._load(self.config)
-        base = CONFIG_BASES[self.interface]
+        """Import the config model.
+
+        Raises `PluginFailureError` if it cannot be imported, does not belong to the interface or is not complete.
+        """
+        model: Any = self._load(self.config)
+        base: type[ComponentConfig] = interfaces()[self.interface].config_class()
         if not (isinstance(model, type) and issubclass(model, base)):
-            raise ContractError(
+            raise PluginFailureError(
                 f"{self.origin}: '{self.config}' is no {base.__name__}; a config model must subclass it."
             )
+        if not model.__pydantic_complete__:  # an annotation with an undefined name
+            self._complete(model)
         return model
 
     def smallest_block(self) -> dict[str, Any]:
-        """The smallest valid block without `kind`, for conformance suites and docs: what the fields of the config give
-        as their `examples`, and `example`.
+        """Return the smallest valid block without `kind`, for conformance suites and docs.
+
+        It contains the `examples` of the config's fields, and `example`.
         """
         fields = self.config_model().model_fields.items()
-        given = [(name, f.validation_alias, f.examples[0]) for name, f in fields if f.examples]
-        # A key without its unit where the value says the unit.
+        given = [
+            (name, f.validation_alias, f.examples[0])
+            for name, f in fields
+            if f.examples and not {name, f.validation_alias} & set(self.example)
+        ]
+        # A key without its unit if the value has the unit.
         keys = {str(short) if isinstance(value, str) else name: value for name, short, value in given}
         return {**keys, **self.example}
 
     def implementation_class(self) -> Any:
-        """Import the implementation without building it, for what its class declares.
+        """Import the implementation without building it, for the declarations of its class.
 
-        Raises `MissingDependencyError` with the install command where a package that it requires is missing.
+        Raises `MissingDependencyError` with the install command if a required package is missing.
         """
         if missing := self.missing():
             how = self.install or f"pip install {missing}"
@@ -127,25 +117,47 @@ class Component:
         return self._load(self.implementation)
 
     def missing(self, lazy: bool = False) -> str | None:
-        """The first required module, or with `lazy` also the first of those, that is not installed, or None."""
+        """Return the first required module, with `lazy` also of the lazy modules, that is not installed, or None."""
         modules = (*self.requires, *(self.lazy if lazy else ()))
         return next((module for module in modules if not _is_installed(module)), None)
 
     def build(self, config: ComponentConfig) -> Any:
-        """Import the implementation and build it; raises as `implementation_class` does."""
-        return self.implementation_class()(config)
+        """Import the implementation and build it; raises as `implementation_class` does.
+
+        Raises `PluginFailureError` if the constructor of a plugin that is not shipped fails.
+        """
+        implementation = self.implementation_class()
+        with self.guard("__init__"):
+            return implementation(config)
+
+    def guard(self, method: str) -> AbstractContextManager[None]:
+        """Return a context in which errors of a plugin that is not shipped name the plugin and this method."""
+        return nullcontext() if self.shipped else blamed_on(self, method)
 
     def _load(self, reference: str) -> Any:
-        module, _, name = reference.partition(":")
         try:
-            return getattr(importlib.import_module(module), name)
-        except Exception as error:  # a plugin's module may fail in any way
+            return imported(reference)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin's module may raise anything, even SystemExit
             cause = f"{type(error).__name__}: {error}"
-            raise ContractError(f"{self.origin}: {reference} cannot be used ({cause}).") from error
+            raise PluginFailureError(f"{self.origin}: {reference} cannot be used ({cause}).") from error
+
+    def _complete(self, model: type[ComponentConfig]) -> None:
+        try:
+            model.model_rebuild()
+        except Exception as error:  # of pydantic, or a NameError of the annotation
+            cause = str(error).partition("\n")[0].rstrip(".")
+            raise PluginFailureError(f"{self.origin}: {self.config} cannot be used ({cause}).") from error
+
+    @property
+    def shipped(self) -> bool:
+        """Return whether it is shipped with Pliant, so that its failures are errors of Pliant."""
+        return self.implementation.partition(".")[0] in PACKAGES
 
     @property
     def label(self) -> str:
-        """How messages name it: physics 'pybullet'."""
+        """The name in messages: physics 'pybullet'."""
         return f"{self.interface} '{self.kind}'"
 
     @property
@@ -161,5 +173,5 @@ def _is_installed(module: str) -> bool:
         ImportError,
         ValueError,
         RecursionError,
-    ):  # its package is missing, half-loaded, or no name at all
+    ):  # its package is missing, partly loaded, or not a valid name
         return False

@@ -1,64 +1,70 @@
-"""Find plugins by entry points of group `pliant`; a broken one is remembered, never fatal."""
+"""Discovery of plugins by entry points of group `pliant`; a broken plugin is recorded and never fatal."""
 
 from __future__ import annotations
 
-import importlib.metadata
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
 import pluggy
 
 from pliant.errors import UserError, closest
-from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
+from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.effect import Effect
 from pliant.interfaces.material import MaterialConfig, with_regions
 from pliant.records.actuation import register
-from pliant.registry import hookspecs
+from pliant.registry.block import Block, blocks
+from pliant.registry.command import Command, commands
 from pliant.registry.component import Component
+from pliant.registry.failures import FailedPlugin, configured, first_line, implemented
+from pliant.registry.function import Function, functions
+from pliant.registry.guarded_effect import GuardedEffect
+from pliant.registry.interface import Interface, interfaces
+from pliant.registry.manifests import CONTRACT_VERSION, Entry, distribution_name, entry_points, hooked
+from pliant.registry.result_folder import ResultFolder, result_folders
+from pliant.registry.stored_record import StoredRecord, stored_records
 
-GROUP = "pliant"
-# Contract number → what a plugin of the number before must change for it.
+# Contract number → changes that a plugin of the previous number needs.
 CHANGES = {
     2: "an effect declares each parameter once, as a field of its config by `parameter(…)`, and no longer in a list "
     "`parameters` of its class; an optimizer proposes and is told `Trial`s",
+    3: "import public names by the paths in the table 'What each number changed'",
+}
+
+# Hook → class of its entries, and the call that returns those of all packages.
+ENTRIES: Mapping[str, tuple[type[Any], Callable[[], Mapping[str, Entry]]]] = {
+    "pliant_interfaces": (Interface, interfaces),
+    "pliant_commands": (Command, commands),
+    "pliant_blocks": (Block, blocks),
+    "pliant_records": (StoredRecord, stored_records),
+    "pliant_folders": (ResultFolder, result_folders),
+    "pliant_functions": (Function, functions),
 }
 
 
 @dataclass(frozen=True)
-class FailedPlugin:
-    """A plugin package, or a kind that two packages define, that cannot be used, and why.
-
-    `kinds` are the pairs of interface and kind that it would have brought, where its manifest could still say so.
-    """
-
-    name: str
-    package: str
-    cause: str
-    kinds: tuple[tuple[str, str], ...] = ()
-
-
-@dataclass(frozen=True)
 class Registry:
-    """All components that were found, and what failed."""
+    """All discovered components, and failed plugins."""
 
     components: tuple[Component, ...]
     failures: tuple[FailedPlugin, ...] = ()
     clashes: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
-    def of(self, interface: str) -> tuple[Component, ...]:
-        """Components of one interface, sorted by kind."""
+    def by_interface(self, interface: str) -> tuple[Component, ...]:
+        """Return the components of one interface, sorted by kind."""
         return tuple(sorted((c for c in self.components if c.interface == interface), key=lambda c: c.kind))
 
     def kinds(self, interface: str) -> list[str]:
-        """Kinds of one interface."""
-        return [component.kind for component in self.of(interface)]
+        """Return the kinds of one interface."""
+        return [component.kind for component in self.by_interface(interface)]
 
     def get(self, interface: str, kind: str) -> Component:
-        """The component of this kind; raises `UserError` with the close match and the plugins that failed."""
+        """Return the component of this kind; raise `UserError` with the close match and the plugins that failed."""
         if (interface, kind) in self.clashes:
-            packages = " and ".join(self.clashes[interface, kind])
-            raise UserError(f"{interface} '{kind}' is defined by {packages}; uninstall one of them.")
+            places = self.clashes[interface, kind]
+            remedy = "uninstall one of them" if ":" not in places[0] else "give one of them another kind"
+            raise UserError(f"{interface} '{kind}' is defined by {' and '.join(places)}; {remedy}.")
         for component in self.components:
             if (component.interface, component.kind) == (interface, kind):
                 return component
@@ -80,7 +86,7 @@ class Registry:
         raise UserError(message)
 
     def config_model(self, interface: str, block: Mapping[str, Any]) -> type[ComponentConfig]:
-        """The config model of a block of a study, by its `kind`; a material's regions are typed by their own kinds.
+        """Return the config model of a study's block by its `kind`; regions of a material are typed by their kinds.
 
         Raises `UserError` for an unknown kind.
         """
@@ -92,7 +98,7 @@ class Registry:
         return with_regions(model, named)
 
     def _region_model(self, block: Any) -> type[MaterialConfig]:
-        """The base where the block is none, so that pydantic reports it."""
+        """Return the base class for an invalid block, so that pydantic reports it."""
         if not (isinstance(block, Mapping) and isinstance(block.get("kind"), str)):
             return MaterialConfig
         model = self.config_model("material", block)
@@ -100,9 +106,15 @@ class Registry:
         return model
 
     def build(self, interface: str, config: ComponentConfig) -> Any:
-        """Build the implementation that belongs to a validated config; a material's regions with it."""
-        built = self.get(interface, config.kind).build(config)
-        regions = config.of_regions() if isinstance(config, MaterialConfig) else {}
+        """Build the implementation of a validated config, including the regions of a material.
+
+        Raises `PluginFailureError` if a plugin that is not shipped cannot be imported or built.
+        """
+        component = self.get(interface, config.kind)
+        built = component.build(config)
+        if isinstance(built, Effect) and not component.shipped:
+            return GuardedEffect(built, component)
+        regions = config.region_materials() if isinstance(config, MaterialConfig) else {}
         return (
             built.with_regions({n: self.build("material", c) for n, c in regions.items()})
             if regions
@@ -111,10 +123,10 @@ class Registry:
 
 
 def discover(extra: Iterable[ModuleType] = ()) -> Registry:
-    """Load every entry point of group `pliant`; modules in `extra` are asked as if they were installed."""
+    """Load every entry point of group `pliant`; modules in `extra` are used as if they were installed."""
     components: list[Component] = []
     failures: list[FailedPlugin] = []
-    sources = [(entry.name, _package_of(entry), entry) for entry in _entry_points()]
+    sources = [(entry.name, distribution_name(entry), entry) for entry in entry_points()]
     for name, package, entry in sources:
         try:
             components += ask(entry.load(), package)
@@ -122,48 +134,60 @@ def discover(extra: Iterable[ModuleType] = ()) -> Registry:
             raise
         except OtherContractError as error:
             failures.append(FailedPlugin(name, package, str(error), error.kinds))
-        except BaseException as error:  # a plugin may fail in any way, even by sys.exit
-            failures.append(FailedPlugin(name, package, _cause(error)))
+        except BaseException as error:  # a plugin may raise anything, even SystemExit
+            failures.append(FailedPlugin(name, package, first_line(error)))
     for module in extra:
         components += ask(module, module.__name__)
-    return _without_clashes(components, failures)
+    usable = [component for component in components if configured(component, failures)]
+    return _without_clashes(usable, failures)
 
 
-def _entry_points() -> list[importlib.metadata.EntryPoint]:
-    unique = {(e.name, e.value): e for e in importlib.metadata.entry_points(group=GROUP)}
-    return [unique[key] for key in sorted(unique)]
+def left_out(registry: Registry, interfaces: Sequence[str]) -> tuple[FailedPlugin, ...]:
+    """Return the failed plugins that define, or may define, a kind of these interfaces."""
+    return tuple(
+        failure
+        for failure in registry.failures
+        if not failure.kinds or any(interface in interfaces for interface, _ in failure.kinds)
+    )
 
 
-def _package_of(entry: importlib.metadata.EntryPoint) -> str:
-    distribution = entry.dist
-    try:
-        name = distribution.name if distribution else None
-    except Exception:  # a half-removed package has entry points and no metadata
-        name = None
-    return f"{name} {distribution.version}" if distribution and name else "unknown package"
+def without_unusable(registry: Registry, interface: str) -> Registry:
+    """Return the registry with plugins of an interface whose implementation cannot be used moved to the failed ones.
+
+    Only plugins that are not shipped are imported; a plugin whose requirements are not installed is kept.
+    """
+    failures = list(registry.failures)
+    kept = tuple(
+        component
+        for component in registry.components
+        if component.interface != interface or implemented(component, failures)
+    )
+    return replace(registry, components=kept, failures=tuple(failures))
 
 
 def ask(module: Any, package: str) -> list[Component]:
-    """Call the module's hook through pluggy and check what it returns.
+    """Return the components of a manifest, checked; its kinds of actuation are registered.
 
     Raises:
-        OtherContractError: a module that states another contract than ours, or none.
-        Exception: what else is wrong with it.
+        OtherContractError: a module that states another contract number, or none.
+        Exception: any other error of the module.
     """
-    hooked = _hooked(module)
+    manager = hooked(module)
     contract = getattr(module, "CONTRACT", 1)
     if contract != CONTRACT_VERSION:
-        raise OtherContractError(module, contract, hooked)
-    found = [component.from_package(package) for component in _components(module, hooked)]
-    for kind in (kind for answer in hooked.hook.pliant_actuations() for kind in answer):
+        raise OtherContractError(module, contract, manager)
+    for hook in ENTRIES:
+        _check_entries(manager, hook)
+    components = [component.from_package(package) for component in _components(module, manager)]
+    for kind in (kind for answer in manager.hook.pliant_actuations() for kind in answer):
         register(kind)
-    return found
+    return components
 
 
 class OtherContractError(Exception):
-    """A plugin is written for another contract; its text says what to change, `kinds` what it would have brought."""
+    """Error of a plugin for another contract; its text states what to change, `kinds` which kinds it defines."""
 
-    def __init__(self, module: Any, contract: Any, hooked: pluggy.PluginManager) -> None:
+    def __init__(self, module: Any, contract: Any, manager: pluggy.PluginManager) -> None:
         name = getattr(module, "__name__", str(module))
         stated = f"states CONTRACT = {contract!r}" if hasattr(module, "CONTRACT") else "states no contract"
         cause = f"its manifest {name} {stated}"
@@ -175,25 +199,17 @@ class OtherContractError(Exception):
             cause += f", this Pliant has {CONTRACT_VERSION}: update Pliant, or install an older release of the plugin"
         super().__init__(cause)
         try:
-            self.kinds = tuple((c.interface, c.kind) for c in _components(module, hooked))
-        except Exception:  # its manifest cannot be read by this Pliant at all
+            self.kinds = tuple((c.interface, c.kind) for c in _components(module, manager))
+        except Exception:  # its manifest cannot be read by this version of Pliant
             self.kinds = ()
 
 
-def _hooked(module: Any) -> pluggy.PluginManager:
-    manager = pluggy.PluginManager(hookspecs.PROJECT)
-    manager.add_hookspecs(hookspecs)
-    manager.register(module)
-    manager.check_pending()
-    if not manager.hook.pliant_components.get_hookimpls():
-        raise TypeError(f"{getattr(module, '__name__', module)} has no @hookimpl pliant_components")
-    return manager
-
-
-def _components(module: Any, hooked: pluggy.PluginManager) -> list[Component]:
+def _components(module: Any, manager: pluggy.PluginManager) -> list[Component]:
     name = getattr(module, "__name__", module)
-    answers = hooked.hook.pliant_components()
+    answers = manager.hook.pliant_components()
     if not answers:
+        if not manager.hook.pliant_components.get_hookimpls():
+            return []
         raise TypeError(f"pliant_components of {name} returned None; it must return a list of Component")
     if isinstance(answers[0], Component):
         raise TypeError(f"pliant_components of {name} returned one Component; put it into a list")
@@ -207,9 +223,19 @@ def _components(module: Any, hooked: pluggy.PluginManager) -> list[Component]:
     return found
 
 
-def _cause(error: BaseException) -> str:
-    text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return text.splitlines()[0]
+def _check_entries(manager: pluggy.PluginManager, hook: str) -> None:
+    """Raise for an invalid entry of a hook, or one whose name an earlier package has registered."""
+    kind, every = ENTRIES[hook]
+    answers = getattr(manager.hook, hook)()
+    known = every() if answers else {}
+    for entry in (one for answer in answers for one in answer):
+        if not isinstance(entry, kind):
+            raise TypeError(f"{hook} returned {entry!r}, which is no {kind.__name__}")
+        if problem := entry.problem():
+            raise ValueError(problem)
+        first = known.get(entry.name, entry)
+        if replace(first, package="") != replace(entry, package=""):
+            raise ValueError(f"{entry.label} is one of {first.package}; give it another name")
 
 
 def _without_clashes(components: list[Component], failures: list[FailedPlugin]) -> Registry:
@@ -221,8 +247,16 @@ def _without_clashes(components: list[Component], failures: list[FailedPlugin]) 
         if len(group) == 1:
             kept.append(group[0])
             continue
-        clashes[key] = tuple(c.package for c in group)
-        failures.append(
-            FailedPlugin(f"{key[0]} '{key[1]}'", " and ".join(clashes[key]), "the kind is defined twice")
-        )
+        clashes[key] = _places(group)
+        cause = "the kind is defined twice, so that none of them is used"
+        name = f"{key[0]} '{key[1]}'"
+        failures.append(FailedPlugin(name, " and ".join(clashes[key]), cause, (key,)))
     return Registry(tuple(kept), tuple(failures), clashes)
+
+
+def _places(group: Sequence[Component]) -> tuple[str, ...]:
+    """Return the packages that define a kind; for a single package the modules inside it."""
+    packages = tuple(component.package for component in group)
+    if len(set(packages)) == len(packages):
+        return packages
+    return tuple(f"{c.implementation} ({c.package})" for c in group)

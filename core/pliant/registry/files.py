@@ -1,14 +1,13 @@
-"""Effects from a file of one's own: found without a package, judged and listed as any other.
+"""Effects from a user's Python file: found without a package, treated and listed as any other effect.
 
-A file is executed once per version of its code and then known as a module `pliant_file_…`, named after that code:
-where the file lies does not matter to the keys of results, what it says does.
+A file is executed once per version of its code, as a module `pliant_file_…` named after that code: the keys of results
+depend on its content, not on its path.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import inspect
-import os
 import re
 import sys
 import traceback
@@ -19,29 +18,31 @@ from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
 from pliant.errors import UserError
-from pliant.interfaces.base import CONTRACT_VERSION
 from pliant.interfaces.effect import Effect, EffectConfig
+from pliant.registry.blame import FILE_MODULE as FILE_MODULE
+from pliant.registry.blame import describe_error
+from pliant.registry.blame import shown as shown
 from pliant.registry.component import Component
 from pliant.registry.discovery import CHANGES, Registry, ask
-from pliant.store.fingerprint import source_digest
+from pliant.registry.manifests import CONTRACT_VERSION
+from pliant.registry.source_code import source_digest
 
 HOOK = "pliant_components"
-FILE_MODULE = "pliant_file_"
 
 
 def with_files(registry: Registry, files: Sequence[Path]) -> Registry:
-    """The registry with the effects of these Python files; a file that is in it already adds nothing.
+    """Return the registry with the effects of these Python files; files that it already has are ignored.
 
     A file's effects are its concrete subclasses of `Effect`, each with the config that its annotation `config:`
-    names; or what its own hook `pliant_components` returns.
+    names; or the result of its hook `pliant_components`.
 
     Raises:
-        UserError: a file that is not there, is no Python, fails, holds no effect, or takes a kind that exists.
+        UserError: a file that does not exist, is not Python, fails, has no effect, or uses an existing kind.
     """
     components = list(registry.components)
     known = {(c.interface, c.kind): c for c in components}
     for file in files:
-        for component in components_of(file):
+        for component in load_components(file):
             there = known.get((component.interface, component.kind))
             if there is None:
                 known[component.interface, component.kind] = component
@@ -54,15 +55,15 @@ def with_files(registry: Registry, files: Sequence[Path]) -> Registry:
     return replace(registry, components=tuple(components))
 
 
-def components_of(file: Path) -> list[Component]:
-    """The components that a Python file defines; raises `UserError` as `with_files` does."""
+def load_components(file: Path) -> list[Component]:
+    """Return the components that a Python file defines; raise `UserError` as `with_files` does."""
     module = _module(file)
     package = file.name
     if hasattr(module, HOOK):
         try:
             return ask(module, package)
-        except Exception as error:  # a hook may fail in any way
-            raise UserError(f"{_place(file, error)}: {HOOK} fails ({_cause(error)}).") from error
+        except Exception as error:  # a hook may raise anything
+            raise UserError(f"{_place(file, error)}: {HOOK} fails ({describe_error(error)}).") from error
     own = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == module.__name__]
     effects = [c for c in own if issubclass(c, Effect) and not inspect.isabstract(c)]
     if not effects:
@@ -70,36 +71,16 @@ def components_of(file: Path) -> list[Component]:
     return [_component(effect, own, module, file) for effect in effects]
 
 
-def files_of(registry: Registry) -> tuple[str, ...]:
-    """Files that this registry has effects from, as `with_files` takes them elsewhere."""
+def effect_files(registry: Registry) -> tuple[str, ...]:
+    """Return the files of this registry's effects, for `with_files` elsewhere."""
     modules = {component.config.partition(":")[0]: None for component in registry.components}
     return tuple(str(sys.modules[name].__file__) for name in modules if name.startswith(FILE_MODULE))
 
 
 def not_run_yet(files: Sequence[Path]) -> list[Path]:
-    """Those of the files whose code this process has not executed."""
+    """Return the files whose code this process has not executed."""
     ran = {module.__file__ for name, module in list(sys.modules.items()) if name.startswith(FILE_MODULE)}
     return [file for file in files if str(file.resolve()) not in ran]
-
-
-def blamed(error: BaseException) -> str | None:
-    """A sentence on an error that came out of such a file, or None for one that did not."""
-    frames = traceback.extract_tb(error.__traceback__)
-    loaded = {module.__file__ for name, module in list(sys.modules.items()) if name.startswith(FILE_MODULE)}
-    through = [frame for frame in frames if frame.filename in loaded]
-    if not through:
-        return None
-    last = through[-1]
-    return f"{shown(Path(last.filename))}, line {last.lineno}: '{last.name}' fails ({_cause(error)})."
-
-
-def shown(file: Path) -> str:
-    """The path as people write it: from the current folder where that is shorter."""
-    try:
-        near = os.path.relpath(file)
-    except ValueError:  # another drive
-        return str(file)
-    return near if len(near) < len(str(file)) else str(file)
 
 
 def _module(file: Path) -> ModuleType:
@@ -130,30 +111,30 @@ def _module(file: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # pydantic resolves annotations through it
     try:
-        exec(code, vars(module))  # not the loader: it may take a stale .pyc for a file edited a moment ago
+        exec(code, vars(module))  # not the loader, which may use a stale .pyc of a file that was just edited
     except KeyboardInterrupt:
         sys.modules.pop(name)
         raise
-    except BaseException as error:  # someone's code may fail in any way, even by sys.exit
+    except BaseException as error:  # user code may raise anything, even SystemExit
         sys.modules.pop(name)
         raise UserError(
-            f"{_place(file, error)}: the file fails when it is loaded ({_cause(error)})."
+            f"{_place(file, error)}: the file fails when it is loaded ({describe_error(error)})."
         ) from error
     return module
 
 
 def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleType, file: Path) -> Component:
-    config = _config_of(effect, own, file)
+    config = _find_config(effect, own, file)
     if "parameters" in vars(effect):
         raise UserError(
-            f"{_line_of(effect, file)}: {effect.__name__} is written for contract 1, this Pliant has "
+            f"{_location(effect, file)}: {effect.__name__} is written for contract 1, this Pliant has "
             f"{CONTRACT_VERSION}: {CHANGES[2]} (docs/plugin_contract.md)."
         )
     kind = config.model_fields["kind"]
     words = get_args(kind.annotation)
     if len(words) != 1 or kind.default != words[0]:
         raise UserError(
-            f"{_line_of(config, file)}: {config.__name__} does not say its kind; write "
+            f"{_location(config, file)}: {config.__name__} does not say its kind; write "
             f'\'kind: Literal["my_effect"] = "my_effect"\' in it.'
         )
     text = inspect.getdoc(module) or inspect.getdoc(effect) or effect.__name__
@@ -171,20 +152,22 @@ def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleTyp
     return component
 
 
-def _config_of(effect: type[Effect], own: Sequence[type[Any]], file: Path) -> type[EffectConfig]:
-    """The config that the class or its `__init__` is annotated with, or the only one of the file."""
+def _find_config(effect: type[Effect], own: Sequence[type[Any]], file: Path) -> type[EffectConfig]:
+    """Return the config in the annotation of the class or its `__init__`, or the only one of the file."""
     configs = [c for c in own if issubclass(c, EffectConfig)]
     for annotated in (effect, effect.__init__):
         try:
             found = get_type_hints(annotated).get("config")
-        except Exception as error:  # an annotation that names nothing
-            raise UserError(f"{_line_of(effect, file)}: {effect.__name__}: {_cause(error)}.") from error
+        except Exception as error:  # an annotation with an undefined name
+            raise UserError(
+                f"{_location(effect, file)}: {effect.__name__}: {describe_error(error)}."
+            ) from error
         if inspect.isclass(found) and issubclass(found, EffectConfig) and found is not EffectConfig:
             return found
     if len(configs) == 1:
         return configs[0]
     raise UserError(
-        f"{_line_of(effect, file)}: {effect.__name__} does not say which config it has; write 'config: MyConfig' in "
+        f"{_location(effect, file)}: {effect.__name__} does not say which config it has; write 'config: MyConfig' in "
         "it, MyConfig being a subclass of pliant.interfaces.effect.EffectConfig."
     )
 
@@ -197,7 +180,7 @@ def _what_is_missing(own: Sequence[type[Any]]) -> str:
     return "define a subclass of pliant.interfaces.effect.Effect with the method apply"
 
 
-def _line_of(cls: type[Any], file: Path) -> str:
+def _location(cls: type[Any], file: Path) -> str:
     try:
         return f"{shown(file)}, line {inspect.getsourcelines(cls)[1]}"
     except (OSError, TypeError):
@@ -205,11 +188,6 @@ def _line_of(cls: type[Any], file: Path) -> str:
 
 
 def _place(file: Path, error: BaseException) -> str:
-    """The last line of this file that the error came through."""
+    """Return the last line of this file in the error's traceback."""
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file.resolve())]
     return f"{shown(file)}, line {lines[-1]}" if lines else shown(file)
-
-
-def _cause(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__

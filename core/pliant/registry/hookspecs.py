@@ -1,24 +1,62 @@
-"""The hooks that a plugin package fills: its components, and new kinds of actuation where it has them."""
+"""Hooks that a plugin package implements; each returns entries, which import nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import pluggy
 
-from pliant.records.actuation import ActuationKind
-from pliant.registry.component import Component
-
 PROJECT = "pliant"
+HOOKS = (
+    "pliant_components",
+    "pliant_actuations",
+    "pliant_commands",
+    "pliant_blocks",
+    "pliant_records",
+    "pliant_interfaces",
+    "pliant_folders",
+    "pliant_functions",
+)
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 
 
 @hookspec
-def pliant_components() -> Iterable[Component]:  # type: ignore[empty-body]
-    """Return the package's components; must be cheap and must not import implementations."""
+def pliant_components() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return the package's `Component`s; must be cheap and must not import implementations."""
 
 
 @hookspec
-def pliant_actuations() -> Iterable[ActuationKind]:  # type: ignore[empty-body]
-    """Return the kinds of actuation that the package adds: name, unit and travel of each."""
+def pliant_actuations() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return the `ActuationKind`s that the package adds: name, unit and travel of each."""
+
+
+@hookspec
+def pliant_commands() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `Command` for each verb that the package adds to `pliant`, with the path of its function."""
+
+
+@hookspec
+def pliant_blocks() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `Block` for each key that the package adds to a study file, with the path of its pydantic model."""
+
+
+@hookspec
+def pliant_records() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `StoredRecord` for each dataclass that the package writes to the artifact store."""
+
+
+@hookspec
+def pliant_interfaces() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return an `Interface` for each one that the package adds, of which any package registers components."""
+
+
+@hookspec
+def pliant_folders() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `ResultFolder` for each kind of folder that the package's verbs write and `pliant report` shows."""
+
+
+@hookspec
+def pliant_functions() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `Function` for each one that the package adds to Pliant's Python interface, with its path."""

@@ -1,4 +1,4 @@
-"""The first lines of a page: how good the model is, what is missing, how sure that is, what to do next."""
+"""The first lines of a page: quality of the model, missing effect, certainty, next step."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.steps import Improvement
 from pliant.diagnosis.verdict import Judgement, named
-from pliant.evidence.comparison import Comparison, headline
-from pliant.formatting import listed, number, unit_of, whole_percent
-from pliant.report.diagnosis_tables import parameter_texts
+from pliant.evidence.comparison import Comparison
+from pliant.evidence.comparison_sentences import headline
+from pliant.formatting import listed, number, output_unit, whole_percent
+from pliant.report.diagnosis_page import parameter_texts
 from pliant.report.document import answers
 from pliant.report.fitted import probability_text
 
 MOST_OUTPUTS = 2
-NEAR = 1.2  # times the floor: nothing to look for
+NEAR = 1.2  # times the floor: below it nothing is missing
 Answers = tuple[tuple[str, str], ...]
 
 
 def comparison_answers(found: Comparison) -> Answers:
-    """Of a model against a measurement."""
+    """Return the answers for a model against a measurement."""
     ratio, place = found.rmse_over_floor, headline(found)
     errors = {name: error.rmse for name, error in found.outputs.items()}
     floors = {name: error.noise_floor for name, error in found.outputs.items()}
@@ -59,7 +60,7 @@ def comparison_answers(found: Comparison) -> Answers:
 
 
 def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
-    """Of a diagnosis; `demand` is what its verdict asks for where no run is proposed."""
+    """Return the answers for a diagnosis; `demand` is the action that its verdict requires if no run is proposed."""
     judgement, verdict = found.judgement, found.verdict
     best = next((kinds for kinds in judgement.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
     before, after = found.left_out_ratio(NOTHING), found.left_out_ratio(best)
@@ -74,7 +75,7 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
         good += f"; {_ratio(after)} with {named(best)}"
     missing = {
         "missing_effect": _with_parameters(found),
-        "ambiguous": one_of_these(judgement),
+        "ambiguous": contenders_sentence(judgement),
         "nothing_missing": "Nothing that these runs show",
         "law_off": f"No effect; the law is off{judgement.law}",
         "unknown_effect": "An effect that is not in the list",
@@ -84,8 +85,8 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
     return answers(good, missing, _sure(found), proposed(found.next_run) or demand)
 
 
-def one_of_these(judgement: Judgement) -> str:
-    """What is missing by an ambiguous verdict, on measurements and on counts."""
+def contenders_sentence(judgement: Judgement) -> str:
+    """Return what is missing by an ambiguous verdict, on measurements and on counts."""
     return f"One of these{', whichever it is' if judgement.selected_class else ''}: {judgement.contenders}"
 
 
@@ -105,7 +106,7 @@ def _sure(found: Diagnosis) -> str:
 
 
 def improvement_answers(found: Improvement) -> Answers:
-    """Of the way to a better model."""
+    """Return the answers for an improvement."""
     first, last = found.steps[0].locked, found.steps[-1].locked
     added = [kind for step in found.steps for kind in step.added]
     good = errors_text(last.rmse, {name: floor.value for name, floor in found.floors.items()})
@@ -117,9 +118,9 @@ def improvement_answers(found: Improvement) -> Answers:
     good += f" (before: {before})" if added else ""
     missing = f"Added: {listed(added)}" if added else "Nothing was added"
     where = (
-        f"{len(found.locked.runs)} runs that were put aside at the start"
+        f"{len(found.locked.runs)} runs that were held out at the start"
         if found.locked.runs
-        else f"{found.scored_on}; no run was put aside"
+        else f"{found.scored_on}; no run was held out"
     )
     after = "Use the new study, and check it on a run that it has not seen." if added else found.reason
     sure = (
@@ -129,19 +130,19 @@ def improvement_answers(found: Improvement) -> Answers:
 
 
 def proposed(run: NextRun | None) -> str:
-    """A run to do next, in words; empty without one."""
+    """Return a proposed run in words; empty without one."""
     return "" if run is None else f"Measure: {run.run} ({run.minutes:g} min)."
 
 
 def errors_text(errors: Mapping[str, float], floors: Mapping[str, float]) -> str:
-    """Rms errors in the units of the outputs, those farthest above their noise first: ``1.2° rms in bend angle``."""
+    """Return rms errors in the units of the outputs, highest over noise first: ``1.2° rms in bend angle``."""
 
     def above(name: str) -> float:
         floor = floors.get(name, np.nan)
         return -errors[name] / floor if floor > 0 else -errors[name]
 
     shown = sorted((name for name in errors if np.isfinite(errors[name])), key=above)
-    texts = [f"{unit_of(name).text(errors[name], 3)} rms in {unit_of(name).label}" for name in shown]
+    texts = [f"{output_unit(name).text(errors[name], 3)} rms in {output_unit(name).label}" for name in shown]
     rest = len(texts) - MOST_OUTPUTS
     return ", ".join(texts[:MOST_OUTPUTS]) + (f" and {rest} more" if rest > 0 else "")
 

@@ -7,18 +7,26 @@ from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pliant.diagnosis.bands import Bands
-from pliant.evidence.comparison import Comparison, interpret
-from pliant.evidence.places import Place
+from pliant.evidence.comparison import Comparison
+from pliant.evidence.comparison_sentences import interpret
+from pliant.evidence.places import ErrorBin
 from pliant.evidence.scores import GroupError, OutputError
-from pliant.formatting import number, unit_of, whole_percent
+from pliant.formatting import number, output_unit, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.report.answers import comparison_answers
 from pliant.report.bookkeeping import mistakes_json, mistakes_warned, not_repeated
 from pliant.report.chart import Chart
+from pliant.report.comparison_charts import (
+    MOST,
+    MOST_RUNS,
+    condition_map,
+    loops_chart,
+    places_chart,
+    runs_chart,
+)
 from pliant.report.document import (
     Column,
     Document,
@@ -40,23 +48,23 @@ from pliant.report.posterior import bands_json, bands_words
 from pliant.units import si_unit
 
 OUTPUTS_DRAWN, OUTPUTS_OF_GROUPS = 2, 6
-ROWS = 60  # of a page's table or picture
-WORST_BRIEF = 5  # of the terminal's tables
+ROWS = 60  # rows of a page's table or picture
+WORST_BRIEF = 5  # rows of the terminal's tables
 Named = tuple[str, OutputError]
 
 
 def yes(value: bool) -> str:
-    """A switch in a table."""
+    """Return a boolean as a table cell."""
     return "yes" if value else "no"
 
 
 def _unit(named: Named) -> Any:
-    return unit_of(named[0])
+    return output_unit(named[0])
 
 
 def _with_interval(of: str) -> Callable[[Named], str]:
     def text(named: Named) -> str:
-        factor = unit_of(named[0]).factor
+        factor = output_unit(named[0]).factor
         low, high = getattr(named[1], f"{of}_interval")
         found = number(getattr(named[1], of) * factor, 3)
         span = f" ({number(low * factor, 3)} to {number(high * factor, 3)})"
@@ -67,23 +75,23 @@ def _with_interval(of: str) -> Callable[[Named], str]:
 
 def _floor(named: Named) -> str:
     floor = named[1].noise_floor
-    return unit_of(named[0]).text(floor, 3) if np.isfinite(floor) else "–"
+    return output_unit(named[0]).text(floor, 3) if np.isfinite(floor) else "–"
 
 
-def _mean_there(joined: str) -> Callable[[Place], str]:
-    def text(place: Place) -> str:
-        words = unit_of(place.output)
+def _mean_there(joined: str) -> Callable[[ErrorBin], str]:
+    def text(place: ErrorBin) -> str:
+        words = output_unit(place.output)
         return f"{words.text(place.outputs[place.output].mean, 2)}{joined} {words.label}"
 
     return text
 
 
 def starred(z: float, star: bool) -> str:
-    """A normal score, with a star where it is more than chance."""
+    """Return a normal score, with a star if it exceeds chance."""
     return f"{number(z, 2)}{'*' if star else ' '}"
 
 
-# What a comparison says of one output, read or counted: row is its name and its errors.
+# Columns of a comparison for one output, read or counted: a row is the output's name and its errors.
 SCORE_COLUMNS: tuple[Column[tuple[str, Any]], ...] = (
     Column(
         "1.rmse", head="rms error", brief="rms error", text=_with_interval("rmse"), brief_show=3, unit=_unit
@@ -102,7 +110,12 @@ SCORE_COLUMNS: tuple[Column[tuple[str, Any]], ...] = (
 )
 OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
     Column(
-        "0", "", "output", "output", show=lambda o: unit_of(o).axis, brief_show=lambda o: unit_of(o).label
+        "0",
+        "",
+        "output",
+        "output",
+        show=lambda o: output_unit(o).axis,
+        brief_show=lambda o: output_unit(o).label,
     ),
     *SCORE_COLUMNS,
     Column("1.n", head="readings", brief="readings"),
@@ -112,7 +125,7 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
     Column("1.noise.within", "noise_within"),
     Column("1.noise.between", "noise_between"),
 )
-PLACE_COLUMNS: tuple[Column[Place], ...] = (
+PLACE_COLUMNS: tuple[Column[ErrorBin], ...] = (
     Column("condition", head="condition", brief="worst places"),
     Column("covariate"),
     Column("share_of_error", head="of the squared error", brief="of error", show=whole_percent),
@@ -134,15 +147,15 @@ def comparison_document(
     bands: Bands | None = None,
     remark: str = "",
 ) -> Document:
-    """The document of `pliant compare`.
+    """Return the document of `pliant compare`.
 
     Args:
         title: the study's name.
-        measurement: what was compared with.
+        measurement: the one compared with.
         predicted: outputs by run, as the comparison had them.
-        comparison: what came of it.
-        bands: of the model, where the study keeps a posterior of its effects.
-        remark: why it has no bands although the study has such a block.
+        comparison: its result.
+        bands: of the model, if the study has a posterior of its effects.
+        remark: the reason for missing bands although the study has such a block.
     """
     brief: list[Table | str] = [brief_table(OUTPUT_COLUMNS, list(comparison.outputs.items()))]
     if comparison.worst:
@@ -174,7 +187,7 @@ def comparison_document(
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """Plain values by the keys of docs/compare.md; numbers SI, what is not known NaN."""
+    """Return plain values by the keys of docs/compare.md; numbers SI, unknown values NaN."""
     bins = [
         {
             **as_json(PLACE_COLUMNS, place),
@@ -208,7 +221,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
 def group_columns(
     kind: Literal["run", "condition"], groups: Sequence[GroupError]
 ) -> tuple[Column[GroupError], ...]:
-    """Columns of the errors of runs, or of conditions; the page shows the first outputs only."""
+    """Return the columns of the errors of runs, or of conditions; the page shows the first outputs only."""
     names = list(dict.fromkeys(name for group in groups for name in group.outputs))[:OUTPUTS_OF_GROUPS]
 
     def outputs(group: GroupError) -> dict[str, Any]:
@@ -216,7 +229,9 @@ def group_columns(
 
     def error(name: str, part: str, key: str) -> Column[GroupError]:
         value: Callable[[GroupError], float] = lambda g: g.outputs.get(name, {}).get(key, np.nan)  # noqa: E731
-        return Column(value, head=f"{part} {unit_of(name).axis}", show=3, unit=lambda _: unit_of(name))
+        return Column(
+            value, head=f"{part} {output_unit(name).axis}", show=3, unit=lambda _: output_unit(name)
+        )
 
     return (
         Column("name", kind, "run" if kind == "run" else "runs"),
@@ -231,14 +246,12 @@ def group_columns(
 
 
 def _drawn(compared: Compared) -> Drawn:
-    from pliant.report.figures import comparison as figures  # matplotlib takes a second to import
-
     comparison, shown = compared.comparison, compared.outputs_by_error()[:OUTPUTS_DRAWN]
 
     def runs(output: str, name: str) -> Picture:
-        _, whole = compared.worst_runs(figures.MOST)
+        _, whole = compared.worst_runs(MOST)
         which = "all runs" if whole else "one run of each condition, the worst first"
-        words, floor = unit_of(output), comparison.outputs[output].noise_floor
+        words, floor = output_unit(output), comparison.outputs[output].noise_floor
         band = f"; the band is ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
         chance = "one time in twenty"
         if compared.bands is not None and output in compared.bands.half_width():
@@ -252,52 +265,48 @@ def _drawn(compared: Compared) -> Drawn:
             f"measured − model; what leaves the band is filled. A model that lacks nothing leaves it {chance}, "
             "anywhere."
         )
-        still, chart = figures.runs_in_time(compared, output), figures.runs_chart(compared, output)
-        return Picture(name, caption, still, chart)
+        return Picture(name, caption, runs_chart(compared, output))
 
-    def of_each(
+    def draw_outputs(
         name: str,
         caption: str,
-        draw: Callable[[Compared, str], NDArray[np.uint8] | None],
-        chart: Callable[[Compared, str], Chart | None] = lambda *_: None,
+        chart: Callable[[Compared, str], Chart | None],
     ) -> list[Picture]:
-        """One picture of each output; none where nothing varies."""
-        labels = [unit_of(output).label for output in shown]
+        """Return one picture of each output; empty where nothing varies."""
+        labels = [output_unit(output).label for output in shown]
         made = [
             picture(
                 f"{name}_{k}",
                 caption.format(label=label, capital=capital(label)),
-                draw(compared, output),
                 chart(compared, output),
             )
             for k, (output, label) in enumerate(zip(shown, labels, strict=True), start=1)
         ]
         return [one for one in made if one is not None]
 
-    where = of_each(
+    where = draw_outputs(
         "where",
         "Error in {label} against everything that varied. Dots: mean error in a bin with the 95 % interval that noise "
         "of this colour gives it; filled: more than noise, corrected for looking at "
         f"{comparison.n_places} places. “Tells 40 %”: this circumstance alone predicts 40 % of the error's variance in "
         "runs that it was not fitted to.",
-        figures.residual_places,
+        places_chart,
     )
-    loops = of_each(
+    loops = draw_outputs(
         "loops",
         "{capital} over what drives it; below, the error over the same, coloured by what the actuation does. A gap "
         "between rising and falling is hysteresis that the model lacks or has too much; a common slope a wrong gain "
         "or stiffness; a common shift an offset; a vertical stroke in a hold a drift.",
-        figures.loops,
-        figures.loops_chart,
+        loops_chart,
     )
-    cut = f" The {figures.MOST_RUNS} worst runs." if len(comparison.runs) > figures.MOST_RUNS else ""
+    cut = f" The {MOST_RUNS} worst runs." if len(comparison.runs) > MOST_RUNS else ""
     caption = f"Rms error of each run in units of the noise: white is noise, red more, blue less, grey no data.{cut}"
     title = "Map of conditions"
     return drawn(
         runs(shown[0], "runs"),
         section("Where the error is", *where, _places_table(comparison), open=True) if where else None,
         section("Loops", *loops),
-        section(title, picture("map", caption, figures.condition_map(compared))),
+        section(title, picture("map", caption, condition_map(compared))),
         section(
             "Further outputs in time", *(runs(output, f"runs_{k}") for k, output in enumerate(shown[1:], 2))
         ),

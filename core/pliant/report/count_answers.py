@@ -1,4 +1,4 @@
-"""The first lines of a page about counts: how good the model is, what is missing, how sure that is, what to do next."""
+"""The first lines of a page about counts: quality of the model, missing effect, certainty, next step."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pliant.diagnosis.verdict import named
 from pliant.evidence.binomial import Count
 from pliant.evidence.counts import CountComparison
 from pliant.formatting import listed, plural
-from pliant.report.answers import Answers, one_of_these
+from pliant.report.answers import Answers, contenders_sentence
 from pliant.report.document import answers
 from pliant.report.fitted import probability_text
 
@@ -18,12 +18,12 @@ REPEATS = "Find out what differed between these sets, and count them again."
 
 
 def counted(count: Count) -> str:
-    """Successes of trials as text, ``29/30``."""
+    """Return successes of trials as text, ``29/30``."""
     return f"{count[0]}/{count[1]}"
 
 
 def good(found: CountComparison) -> str:
-    """How far the shares of success are off, and in how many conditions by more than chance."""
+    """Return the error of the shares of success, and the number of conditions in which it exceeds chance."""
     return (
         f"Shares of success are off by {100 * found.rmse:.0f} percentage points (rms), chance alone gives "
         f"{100 * found.noise_floor:.0f}; {len(found.disagreeing) or 'none'} of "
@@ -33,7 +33,7 @@ def good(found: CountComparison) -> str:
 
 
 def comparison_answers(found: CountComparison) -> Answers:
-    """Of a model against counts."""
+    """Return the answers for a model against counts."""
     wrong = found.disagreeing
     missing = "Nothing that these counts show"
     if wrong:
@@ -78,10 +78,10 @@ def _repeats(found: CountComparison) -> str:
 
 
 def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict[Kinds, str]) -> Answers:
-    """Of a diagnosis of counts.
+    """Return the answers for a diagnosis of counts.
 
     Args:
-        found, judged: what came of it.
+        found, judged: its results.
         levels: the best level of each explanation, in words.
     """
     best = next((kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
@@ -90,7 +90,7 @@ def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict
         first += f"; {len(found.comparisons[best].disagreeing) or 'none'} with {levels[best]}"
     missing = {
         "missing_effect": f"Most likely {levels.get(judged.selected, '')}",
-        "ambiguous": one_of_these(judged),
+        "ambiguous": contenders_sentence(judged),
         "nothing_missing": "Nothing that these counts show",
         "unknown_effect": "Something that is not in the list",
         "not_repeatable": "Not asked: sets of one condition contradict each other",

@@ -1,4 +1,4 @@
-"""A diagnosis of counts as a document: which explanation they allow, for terminal, page and JSON."""
+"""A diagnosis of counts as a document: the explanations that they allow, for terminal, page and JSON."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NEARER = "trials nearer to the threshold: other pressures or loads, until some s
 
 
 class WeighedCounts(NamedTuple):
-    """What is known of a hypothesis; of one outside the list, what was scanned is None."""
+    """A hypothesis and its statistics; without scanned values for one outside the list."""
 
     kinds: Kinds
     probability: float
@@ -59,7 +59,7 @@ class WeighedCounts(NamedTuple):
 
     @property
     def unseen(self) -> float | None:
-        """Log-likelihood of the conditions, each when the others choose the level."""
+        """Log-likelihood of the conditions, each with the level chosen by the others."""
         return None if self.row is None else float(self.row.unseen.sum())
 
     @property
@@ -70,19 +70,19 @@ class WeighedCounts(NamedTuple):
         return [one.condition.words for one in self.comparison.disagreeing]
 
     @property
-    def of_levels(self) -> Array | None:
+    def level_log_likelihoods(self) -> Array | None:
         """(levels,) log-likelihood of all conditions at each level."""
         return None if self.row is None else self.row.log_likelihood.sum(axis=1)
 
     @property
     def best_level(self) -> str:
-        """In words; the name of what is moved alone is left out."""
+        """The best level in words, without the name if a single number is changed."""
         if self.row is None or not self.kinds:
             return ""
         return level_text(self.row).rpartition(f"{self.kinds[0]} ")[2]
 
 
-# Of every hypothesis; then of those that were scanned.
+# Columns of every hypothesis; then those of scanned ones.
 HYPOTHESIS_COLUMNS: tuple[Column[WeighedCounts], ...] = (
     Column("kinds", head="hypothesis", brief="hypothesis", show=named),
     Column(
@@ -106,7 +106,7 @@ SCANNED_COLUMNS: tuple[Column[WeighedCounts], ...] = (
         "still_wrong", head="still wrong", brief="still wrong", show=lambda wrong: str(len(wrong)), none=""
     ),
     Column("row.grid", "levels"),
-    Column("of_levels", "log_likelihood_of_levels"),
+    Column("level_log_likelihoods", "log_likelihood_of_levels"),
     Column("row.simulated"),
 )
 EVERY_COLUMN = (*HYPOTHESIS_COLUMNS, *SCANNED_COLUMNS)
@@ -115,7 +115,7 @@ EVERY_COLUMN = (*HYPOTHESIS_COLUMNS, *SCANNED_COLUMNS)
 def counts_diagnosis_document(
     title: str, counts: Counts, found: CountEvidence, judged: CountJudgement, registry: Registry
 ) -> Document:
-    """The document of `pliant diagnose` on a file of counts."""
+    """Return the document of `pliant diagnose` on a file of counts."""
     reasons = counts_why(found, judged)
     shown, which = most_probable(found.probability, HYPOTHESES_BRIEF)
     rows = [one for one in weighed_hypotheses(found) if one.kinds in shown]
@@ -137,7 +137,7 @@ def counts_diagnosis_document(
 
 
 def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry: Registry) -> dict[str, Any]:
-    """The contract's keys; the comparison of the model as it is stands under `comparison`."""
+    """Return the contract's keys; the comparison of the present model is under `comparison`."""
     plain, next_count = found.comparison, judged.next_count
     proposed = next_count and {
         "run": f"more trials of {next_count.condition}",
@@ -182,7 +182,7 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
 
 
 def counts_why(found: CountEvidence, judged: CountJudgement) -> list[str]:
-    """Reasons, the level of the best explanation, what is alike, what to count next."""
+    """Return reasons, the level of the best explanation, indistinguishable explanations, and what to count next."""
     lines = list(judged.reasons)
     best = best_listed(found)
     if best is not None and judged.verdict in ("missing_effect", "ambiguous", "unknown_effect"):
@@ -199,12 +199,12 @@ def counts_why(found: CountEvidence, judged: CountJudgement) -> list[str]:
 
 
 def best_listed(found: CountEvidence) -> Kinds | None:
-    """The most probable explanation that moves something; None where none was tried."""
+    """Return the most probable explanation that changes something; None without one."""
     return next((kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN)), None)
 
 
 def level_text(row: Explanation) -> str:
-    """The best level of each number: ``task.friction 0.9``."""
+    """Return the best level of each number: ``task.friction 0.9``."""
     values = zip(row.parameters, row.grid[row.best], strict=True)
     return ", ".join(
         f"{one.name} {number(v, 3)} {one.unit if one.unit != '1' else ''}".strip() for one, v in values
@@ -212,7 +212,7 @@ def level_text(row: Explanation) -> str:
 
 
 def weighed_hypotheses(found: CountEvidence) -> list[WeighedCounts]:
-    """Every hypothesis, the most probable first."""
+    """Return every hypothesis, the most probable first."""
     return [
         WeighedCounts(
             kinds,
@@ -227,7 +227,7 @@ def weighed_hypotheses(found: CountEvidence) -> list[WeighedCounts]:
 
 
 def _unseen_rmse(found: CountEvidence, row: Explanation) -> float:
-    """Of the shares of success of conditions that had no part in choosing the level."""
+    """Return the RMSE of the shares of success of conditions that were not used to choose the level."""
     likelihood = row.log_likelihood.sum(axis=1, keepdims=True) - row.log_likelihood
     weights = np.exp(likelihood - likelihood.max(axis=0))
     s, m = np.moveaxis(np.array(row.simulated, float), 2, 0)

@@ -1,4 +1,4 @@
-"""What counts say, for terminal, page and JSON: trials of the model against counted ones, and a diagnosis."""
+"""Counts for terminal, page and JSON: trials of the model against counted ones, and a diagnosis."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from pliant.report.document import (
     section,
 )
 from pliant.report.fitted import caveat
+from pliant.report.success_chart import Series, success_chart
 
 CONDITIONS_BRIEF = 40  # rows of the terminal's table
 NAMED = 4
@@ -36,7 +37,7 @@ def _likelihoods(row: tuple[str, CountComparison]) -> str:
     )
 
 
-# Of all conditions together: a sentence below the page's table, and the last row of the terminal's, or lines below it.
+# Values of all conditions together: a sentence below the page's table, and the last row of the terminal's table.
 TOTAL_COLUMNS: tuple[Column[tuple[str, CountComparison]], ...] = (
     Column("1.log_likelihood", head="log-likelihood", brief="log-lik.", text=_likelihoods, brief_show=4),
     Column("1.deviance", head="deviance", brief="dev.", show=4),
@@ -87,7 +88,7 @@ REPEAT_COLUMNS: tuple[Column[ConditionResult], ...] = (
 
 
 def counts_document(title: str, counts: Counts, found: CountComparison) -> Document:
-    """The document of `pliant compare` on a file of counts."""
+    """Return the document of `pliant compare` on a file of counts."""
     stars = f"* more than chance, corrected for looking at {len(found.conditions)} conditions"
     shown = found.conditions[:CONDITIONS_BRIEF]
     table = brief_table(CONDITION_COLUMNS, shown, stars if found.disagreeing else "")
@@ -108,7 +109,7 @@ def counts_document(title: str, counts: Counts, found: CountComparison) -> Docum
 
 
 def counts_json(found: CountComparison) -> dict[str, Any]:
-    """The contract's keys (`outputs.success`, `runs`, `worst`, `n_samples`), and what belongs to counts."""
+    """Return the contract's keys (`outputs.success`, `runs`, `worst`, `n_samples`), and those of counts."""
     return {
         "outputs": {OUTPUT: as_json(COUNT_COLUMNS, (OUTPUT, found))},
         "rmse_over_floor": found.ratio_to_floor,
@@ -153,7 +154,7 @@ def counts_json(found: CountComparison) -> dict[str, Any]:
 
 
 def interpret_counts(found: CountComparison) -> str:
-    """What the comparison says, the bench's own contradictions first."""
+    """Return a sentence on the comparison, beginning with contradictions within the counts."""
     sentences = []
     if found.contradictory:
         first, *more = found.contradictory
@@ -185,16 +186,14 @@ def interpret_counts(found: CountComparison) -> str:
 
 
 def shares_picture(name: str, caption: str, models: Mapping[str, Sequence[ConditionResult]]) -> Picture:
-    """Measured and simulated shares of success of these conditions, each of the models in its colour."""
-    from pliant.report.figures.success_shares import Series, success_shares
-
+    """Return measured and simulated shares of success of these conditions, with one colour for each model."""
     shown = next(iter(models.values()))
-    png = success_shares(
+    chart = success_chart(
         [one.condition.words for one in shown],
         Series("measured", [one.measured for one in shown], [True] * len(shown)),
         [Series(n, [c.simulated for c in of], [c.disagrees for c in of]) for n, of in models.items()],
     )
-    return Picture(name, caption, png)
+    return Picture(name, caption, chart)
 
 
 def _drawn(found: CountComparison) -> Drawn:

@@ -1,29 +1,30 @@
-"""A diagnosis as a document: verdict, hypotheses, what the best one changes, what stays open."""
+"""A diagnosis as a document: verdict, hypotheses, effect of the best one, open questions."""
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pliant.diagnosis.diagnosis import Diagnosis, next_words, of_the_bench, why
+from pliant.diagnosis.diagnosis import Diagnosis, is_record_mistake, next_words, why
 from pliant.diagnosis.evidence_table import LAW, NOTHING, UNKNOWN, Kinds
-from pliant.diagnosis.posterior import Posterior, posterior_of
+from pliant.diagnosis.posterior import Posterior, laplace_posterior
 from pliant.diagnosis.verdict import named
-from pliant.formatting import listed, number, unit_of
+from pliant.formatting import listed, number, output_unit
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.answers import diagnosis_answers
 from pliant.report.bookkeeping import mistakes_json, mistakes_warned, not_repeated
-from pliant.report.chart import Chart
-from pliant.report.diagnosis_tables import (
+from pliant.report.diagnosis_page import (
     classes_table,
+    dependence_chart,
     dependence_table,
     detectable_table,
+    explained_chart,
+    hypotheses_chart,
     hypotheses_json,
     hypotheses_table,
     hypothesis_columns,
@@ -31,6 +32,7 @@ from pliant.report.diagnosis_tables import (
     noise_table,
     not_excited_table,
     parameter_texts,
+    repeats_chart,
 )
 from pliant.report.document import (
     Document,
@@ -54,7 +56,7 @@ from pliant.report.fitted import (
     verdict_json,
     warned,
 )
-from pliant.report.learned_curve import law_error_json, learned_json
+from pliant.report.learned import law_error_json, law_section, learned_json, learned_section
 from pliant.report.posterior import posterior_json, unseen_words
 
 OUTPUTS_DRAWN = 2
@@ -62,7 +64,7 @@ MOST_PAIRS = 6
 MOST_SHOWN = 6  # hypotheses on the terminal
 WIDTH = 80  # characters of a line there
 DEMANDS = {
-    "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
+    "missing_effect": "Add the effect to the study with pliant extend, and compare again.",
     "bench": "Correct the file, not the physics: put the number right where it was written down and compare again.",
     "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
     "Which it is, the run below or a look at the bench tells.",
@@ -80,7 +82,7 @@ DEMANDS = {
 LITTLE_LEFT = (
     "Leave the model as it is unless so small an error matters to you; no effect can take more of it away."
 )
-# Verdicts whose demand is the next run; without one, more of everything.
+# Verdicts that ask for the next run; without one, for more of everything.
 NEEDS_RUNS = ("ambiguous", "insufficient_data")
 RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
 
@@ -94,14 +96,14 @@ def diagnosis_document(
     asked: Sequence[str] = (),
     next_file: str | None = None,
 ) -> Document:
-    """The document of `pliant diagnose`.
+    """Return the document of `pliant diagnose`.
 
     Args:
         title: the study's name.
-        measurement: what was diagnosed.
-        found: what came of it.
-        registry: tells what the effects are.
-        asked: effects that were asked for by name; why they are impossible is said one by one.
+        measurement: the diagnosed one.
+        found: its result.
+        registry: with the descriptions of the effects.
+        asked: effects requested by name; if impossible, the reason is given for each.
         next_file: the protocol file of the proposed run.
     """
     reasons = why(found, registry)
@@ -134,7 +136,7 @@ def diagnosis_document(
 
 
 def _demand(found: Diagnosis, registry: Registry) -> str:
-    """What to do, by the verdict and by what is left to gain."""
+    """Return the next action, by the verdict and the remaining gain."""
     small, verdict = found.judgement.small, found.verdict
     if verdict == "unknown_effect" and small:
         return LITTLE_LEFT
@@ -142,14 +144,14 @@ def _demand(found: Diagnosis, registry: Registry) -> str:
         return RECORD
     if found.judgement.selected_class:
         return DEMANDS["class_with_law" if LAW in found.judgement.selected_class else "class"]
-    if found.selected and all(of_the_bench(registry, kind) for kind in found.selected):
+    if found.selected and all(is_record_mistake(registry, kind) for kind in found.selected):
         return DEMANDS["bench"]
     decided = found.next_run is not None or verdict not in NEEDS_RUNS
     return DEMANDS[verdict] if decided else RECORD
 
 
 def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, Any]:
-    """The keys of docs/which_effect.md; numbers SI."""
+    """Return the keys of docs/which_effect.md; numbers SI."""
     noise = found.noise
     return {
         **verdict_json(found.judgement),
@@ -182,11 +184,11 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
 
 
 def selected_posterior(found: Diagnosis) -> Posterior | None:
-    """Of the selected effects; None where the verdict names none."""
+    """Return the posterior of the selected effects; None where the verdict selects none."""
     if not found.selected:
         return None
     fit = found.fits[found.selected]
-    return posterior_of(fit, np.ones(len(found.readings)), found.noise.n_effective)
+    return laplace_posterior(fit, np.ones(len(found.readings)), found.noise.n_effective)
 
 
 def _unseen(found: Diagnosis) -> list[str]:
@@ -195,7 +197,7 @@ def _unseen(found: Diagnosis) -> list[str]:
 
 
 def numbers_text(found: Diagnosis) -> str:
-    """What the verdict rests on, in numbers: errors on runs left out before and after, probabilities; may be empty."""
+    """Return the numbers behind the verdict: held-out errors before and after, probabilities; may be empty."""
     probability = found.judgement.probability
     best = next((kinds for kinds in probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
     before, after = (
@@ -215,7 +217,7 @@ def numbers_text(found: Diagnosis) -> str:
 
 
 def implausible(found: Diagnosis) -> list[str]:
-    """Parameters of the best explanation outside their plausible range that need their shape, a sentence each."""
+    """Return a sentence for each necessary parameter of the best explanation outside its plausible range."""
     fitted = found.estimates.get(found.explained)
     return (
         []
@@ -237,28 +239,26 @@ def _brief(found: Diagnosis) -> tuple[Any, ...]:
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
-    from pliant.report.figures import diagnosis as figures  # matplotlib takes a second to import
-    from pliant.report.learned import law_section, learned_section
 
     found, output = diagnosed.found, diagnosed.outputs_by_gain()[0]
-    label = unit_of(output).label
+    label = output_unit(output).label
     depends = picture(
         "depends",
         f"Mean error in {label} against the circumstances that told most of it. Bars: 95 % under noise; filled: more "
         "than noise, corrected for looking at many places. An explanation that is right flattens all of them, not "
         "only one.",
-        figures.error_depends(diagnosed, output),
+        dependence_chart(diagnosed, output),
     )
     table = dependence_table(diagnosed)
     repeats = picture(
         "repeats",
         f"Repeats in {label}, each less their mean. The band is ± 2 times the noise within a run: runs that leave it "
         "as a whole have moved between one another.",
-        figures.repeats(diagnosed, output),
+        repeats_chart(diagnosed, output),
     )
     made = [
         _next(found),
-        _changes(diagnosed, figures.explained_runs, figures.explained_chart),
+        _changes(diagnosed),
         learned_section(found.learned),
         law_section(found.law_off),
         section(
@@ -288,7 +288,7 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
         "together at least 90 % probable. A good explanation brings the error on runs that it was not fitted to down "
         "to the noise floor, with few parameters; a lower error with more parameters need not be more probable."
     )
-    hero = Picture("hypotheses", caption, figures.hypotheses(diagnosed), figures.hypotheses_chart(diagnosed))
+    hero = Picture("hypotheses", caption, hypotheses_chart(diagnosed))
     return drawn(hero, *made)
 
 
@@ -304,7 +304,7 @@ def _next(found: Diagnosis) -> Section | None:
 
 
 def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
-    """Pairs in words, those that share their first together."""
+    """Return pairs in words, those with the same first member together."""
     every = list(dict.fromkeys(kinds for pair in pairs for kinds in pair))
     if len(every) > 2 and len(pairs) == len(every) * (len(every) - 1) // 2:
         return f"{listed([named(kinds) for kinds in every])} from one another"
@@ -316,11 +316,7 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
     return "; ".join(f"{named(a)} from {listed(names)}" for a, names in others.items())
 
 
-def _changes(
-    diagnosed: Diagnosed,
-    draw: Callable[[Diagnosed, str], NDArray[np.uint8]],
-    chart: Callable[[Diagnosed, str], Chart],
-) -> Section:
+def _changes(diagnosed: Diagnosed) -> Section:
     found, pictures = diagnosed.found, []
     which = (
         "the runs in which the explanation takes away most of the error, one of each condition"
@@ -328,13 +324,13 @@ def _changes(
         else "the runs in which the model errs most, one of each condition"
     )
     for k, output in enumerate(diagnosed.outputs_by_gain()[:OUTPUTS_DRAWN], start=1):
-        words, floor = unit_of(output), diagnosed.floor(output)
+        words, floor = output_unit(output), diagnosed.floor(output)
         band = f" over ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
         caption = (
             f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
             "input."
         )
-        pictures.append(Picture(f"changes_{k}", caption, draw(diagnosed, output), chart(diagnosed, output)))
+        pictures.append(Picture(f"changes_{k}", caption, explained_chart(diagnosed, output)))
     names = " or ".join(named(kinds) for kinds in diagnosed.explanations)
     title = {
         "missing_effect": f"What {names} changes",
@@ -360,8 +356,8 @@ def _limits(found: Diagnosis, registry: Registry) -> Section:
 
 def _noise_text(found: Diagnosis, repeated: bool) -> list[str]:
     text = [
-        f"{found.table.n_readings} readings, worth {found.noise.n_effective:.0f} independent ones: neighbours in time "
-        "share their noise. All probabilities rest on the smaller number."
+        f"{found.table.n_readings} readings, worth {found.noise.n_effective:.0f} independent ones in what the "
+        "best explanation leaves: neighbours in time share their noise. All probabilities rest on the smaller number."
     ]
     scatter = found.noise.between_run_scatter
     if not repeated:

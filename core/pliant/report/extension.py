@@ -1,4 +1,4 @@
-"""Effects fitted on top of a study's own as a document: parameters, and by how much the error falls."""
+"""Effects fitted in addition to a study's own as a document: parameters, and the reduction of the error."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pliant.diagnosis.diagnosis import in_plain_words
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.readings import Score
 from pliant.diagnosis.steps import change_in_words
-from pliant.formatting import listed, number, plural, unit_of
+from pliant.formatting import listed, number, output_unit, plural
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
@@ -22,7 +22,7 @@ from pliant.report.posterior import fitted_posterior_json, posterior_words, shar
 def extension_document(
     title: str, measurement: Measurement, found: Extension, registry: Registry, remarks: tuple[str, ...] = ()
 ) -> Document:
-    """The document of `pliant extend`; `remarks` are what limits the model, in sentences."""
+    """Return the document of `pliant extend`; `remarks` are limits of the model, in sentences."""
     notes = [*measurement.remarks, *remarks]
     doubts = doubtful(found.uncertainty)
     n, k = found.after.n, len(found.fit.x)
@@ -37,7 +37,7 @@ def extension_document(
     shares = shares_brief(found)
     falls = []
     for name, rmse in found.after.rmse.items():
-        unit = unit_of(name)
+        unit = output_unit(name)
         before = unit.text(found.before.rmse[name], 3)
         falls.append(f"{unit.label}: {before} → {unit.text(rmse, 3)} rms, all readings")
     sentence = f"With {listed(list(found.kinds))}: {_errors(found)}."
@@ -61,7 +61,7 @@ def extension_document(
 
 
 def extension_json(found: Extension) -> dict[str, Any]:
-    """The keys of docs/extend_and_improve.md."""
+    """Return the keys of docs/extend_and_improve.md."""
     heldout = found.heldout
     return {
         "effects": list(found.kinds),
@@ -81,12 +81,12 @@ def extension_json(found: Extension) -> dict[str, Any]:
 
 
 def cited(measurement: Measurement) -> str:
-    """The measurement's file and the first digits of its SHA-256."""
+    """Return the measurement's file and the first digits of its SHA-256."""
     return f"{measurement.source} (sha256 {measurement.sha256[:8]})"
 
 
 def origin(found: Extension, measurement: Measurement) -> str:
-    """Where fitted values come from."""
+    """Return the origin of fitted values."""
     return f"fitted to {cited(measurement)}; {_errors(found)}"
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.formatting import percent, units_of_page
-from pliant.pipeline.workbench import Workbench
+from pliant.formatting import percent, units_footer
+from pliant.pipeline.answer_checks import answer_doubts
+from pliant.pipeline.workbench import RunContext
 from pliant.records.fem import PASSED, SELF_CONTACT, TOUCHING, ModuleData
 from pliant.report.document import Document, Drawn, answers, capital
 from pliant.report.fem_view import DesignStates, axis_record, data_warnings, free_reach, solved_rows
@@ -17,18 +18,18 @@ from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
 
-PAGE = "fem.html"  # beside fem.csv; `pliant run` in the same folder writes report.html
-SENTENCES = 3  # designs that the page's first sentence speaks of
+PAGE = "fem.html"  # the name leaves report.html in the same folder to `pliant run`
+SENTENCES = 3  # number of designs in the page's first sentence
 TOLD_OF_AXIS = ("error", "stated_error", "reached", "check_error", "symmetric")
 
 
 def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[str]) -> Document:
-    """The document of `pliant fem`.
+    """Return the document of `pliant fem`.
 
     Args:
         study: the study.
         artifacts: the data sets, one for each design.
-        tables: files that hold them, in the same order.
+        tables: their files, in the same order.
     """
     written = study.canonical()
     kind = str((written.get("fem") or {}).get("kind", ""))
@@ -47,7 +48,7 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
         kind="Pliant FEM data",
         title=study.name,
         sentence=" ".join(_sentence(d, several) for d in designs[:SENTENCES]),
-        data=fem_json(artifacts, tables),
+        data={**fem_json(artifacts, tables), "material": _material(study)},
         answers=answers(
             good=capital(stated_error(axis_record(designs[0].data, designs[0].data.main_axis))),
             missing=limits[0].sentence if limits else "",
@@ -56,20 +57,20 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
         brief=(*fem_lines(artifacts), f"table    {', '.join(tables)}"),
         warnings=limits,
         draw=draw,
-        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
+        footer=units_footer(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
         version=made_by(manifests),
     )
 
 
-def stored_fem_page(bench: Workbench, study: Study, artifacts: Sequence[Artifact]) -> StoredPage:
-    """What the page of a data set depends on."""
+def stored_fem_page(bench: RunContext, study: Study, artifacts: Sequence[Artifact]) -> StoredPage:
+    """Return the page of a data set with the data that it depends on."""
     manifests = [a.manifest for a in artifacts]
     return StoredPage(bench, manifests, [], "pliant.report.fem_page", {"study": study.canonical()})
 
 
 def fem_json(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:
-    """The `fem` result of docs/command_line.md."""
+    """Return the `fem` result of docs/command_line.md."""
     data: list[ModuleData] = [a.value for a in artifacts]
     return {
         "n_states": sum(len(d) for d in data),
@@ -79,14 +80,30 @@ def fem_json(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, 
         "touching": sum(int(np.sum(d.status == TOUCHING)) for d in data),
         "wall_s": sum(a.manifest["wall_s"] for a in artifacts),
         "newton_steps": sum(int(d.iterations.sum()) for d in data),
-        "axes": _of_axes(data[0]) if len(data) == 1 else [_of_axes(d) for d in data],
+        "axes": _axis_summaries(data[0]) if len(data) == 1 else [_axis_summaries(d) for d in data],
+        "checks": _checks(data[0]) if len(data) == 1 else [_checks(d) for d in data],
         "csv": tables[0] if len(tables) == 1 else list(tables),
         "stages": [stage_json(a) for a in artifacts],
     }
 
 
-def _of_axes(data: ModuleData) -> dict[str, dict[str, Any]]:
-    """By axis, how many states it has and what adaptive sampling states of its law's error."""
+def _checks(data: ModuleData) -> dict[str, Any]:
+    """Return the figures of the checks on the answer, and what is doubtful about them."""
+    figures = data.sampling.get("checks")
+    figures = dict(figures) if isinstance(figures, Mapping) else {}
+    return {**figures, "doubts": list(answer_doubts(figures))}
+
+
+def _material(study: Study) -> dict[str, Any]:
+    """Return the material's kind, Poisson's ratio and whether the study states it: a default is no measurement."""
+    config = study.material
+    ratio = getattr(config, "poisson_ratio", None)
+    stated = config is not None and "poisson_ratio" in config.model_fields_set
+    return {"kind": config.kind if config else None, "poisson_ratio": ratio, "poisson_ratio_stated": stated}
+
+
+def _axis_summaries(data: ModuleData) -> dict[str, dict[str, Any]]:
+    """Return by axis the number of states and the error of its law that adaptive sampling states."""
     return {
         axis: {
             "n_states": int(np.sum(data.explored == axis)),
@@ -97,7 +114,7 @@ def _of_axes(data: ModuleData) -> dict[str, dict[str, Any]]:
 
 
 def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
-    """States, axes and cost of each data set, for the terminal."""
+    """Return states, axes and cost of each data set, for the terminal."""
     lines = []
     for artifact in artifacts:
         data: ModuleData = artifact.value
@@ -114,7 +131,7 @@ def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
 
 
 def _axis_lines(data: ModuleData) -> list[str]:
-    """States of each axis, and the error that adaptive sampling states; nothing to say of one axis on a grid."""
+    """Return the states of each axis, and the error that adaptive sampling states; empty for one axis on a grid."""
     lines = []
     for axis in data.explored_axes():
         stated = stated_error(axis_record(data, axis))
@@ -129,7 +146,7 @@ def _axis_lines(data: ModuleData) -> list[str]:
 
 
 def stated_error(record: Mapping[str, Any]) -> str:
-    """The stated error of an axis and whether it is as small as wanted; empty where no error was stated."""
+    """Return the stated error of an axis and whether it meets the tolerance; empty if no error was stated."""
     if "stated_error" not in record:
         return ""
     stated, wanted = record["stated_error"], percent(float(record["error"]))
@@ -144,7 +161,7 @@ def stated_error(record: Mapping[str, Any]) -> str:
 
 
 def _cost_line(data: ModuleData) -> str:
-    """Time and Newton steps of a state; copies by symmetry took none."""
+    """Return time and Newton steps of a state; copies by symmetry need none."""
     solved = solved_rows(data)
     if not solved.any():
         return ""
@@ -156,7 +173,7 @@ def _cost_line(data: ModuleData) -> str:
 
 
 def _sentence(design: DesignStates, named: bool) -> str:
-    """Free deformation, number of states, whether the stated error was reached."""
+    """Return free deformation, number of states, and whether the stated error meets the tolerance."""
     data = design.data
     record = axis_record(data, data.main_axis)
     parts = [f"the free module {free_reach(data)}", f"{len(data)} states"]

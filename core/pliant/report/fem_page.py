@@ -1,4 +1,4 @@
-"""The page of FEM data: the module, its states, how they were chosen, what they cost; also part of a run's page."""
+"""The page of FEM data: module, states, sampling and cost, their tables and charts; also part of a run's page."""
 
 from __future__ import annotations
 
@@ -9,10 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
+from pliant.formatting import (
+    Unit,
+    actuation_unit,
+    deformation_unit,
+    effort_unit,
+    number,
+    percent,
+    seconds,
+    slides,
+)
 from pliant.records.fem import PASSED, TOUCHING, TRUSTED, FemDataset, ModuleData
 from pliant.records.law import JointLaw
-from pliant.report.charts import states_chart
+from pliant.report.chart import Chart, ChartAxis, ChartBars, ChartLine, ChartNote, ChartRule, Mark, Panel
+from pliant.report.chart_colours import FAINT, PAPER, SERIES, SOFT, WARN, ColourScale
 from pliant.report.document import (
     Cells,
     Drawn,
@@ -33,23 +43,31 @@ from pliant.report.fem_view import (
     foretold_axes,
     solved_rows,
 )
-from pliant.report.figures.fem import cost_picture, sampling_picture, states_picture
 from pliant.report.figures.module import can_show, has_stress, module_shape, module_stress, stress_caption
+from pliant.report.law_charts import (
+    ZERO,
+    Groups,
+    actuation_axis,
+    actuation_scale,
+    coordinate_axis,
+    plain_coordinate,
+    state_lines,
+)
 from pliant.report.provenance import Manifests, closing_sections
 from pliant.report.scenes.module import module_scene
 
 SHOWN = 6  # designs whose pictures are drawn
 IMAGES = {0: "the whole is solved", 1: "half is solved", 2: "a quarter is solved", 3: "an eighth is solved"}
-ROUNDED = 9  # decimals of a coordinate in rad or m that are more than rounding
-FAILURES = 20  # failed states that are spelt out
+ROUNDED = 9  # decimals of a coordinate in rad or m above rounding
+FAILURES = 20  # failed states that are listed
 STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published study's loads"}
 
 
 def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifests: Manifests) -> Drawn:
-    """The states of the first design on top, then all of them."""
+    """Return a page with the states of the first design on top, then all of them."""
     shapes = shape_section([(d.name, d.data.axis(d.data.main_axis), None) for d in designs])
     if shapes is not None and any(len(d.data.actuations) > 1 for d in designs):
-        # Pictures of states are over one actuation; the table has them all.
+        # Pictures of states are over one actuation; the table has all.
         hero, *others = shapes.pictures
         return drawn(hero, replace(shapes, pictures=tuple(others)), *closing_sections(study, manifests))
     states, *rest = data_sections(designs)
@@ -59,9 +77,9 @@ def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifes
 
 
 def shape_section(designs: Sequence[tuple[str, FemDataset, JointLaw | None]]) -> Section | None:
-    """Meshes at rest and deformed, and the stress, of designs whose data have shapes; None without any.
+    """Return meshes at rest and deformed, and the stress, of designs whose data have shapes; None without any.
 
-    `designs`: of each its name, its data, and the law that was fitted to them.
+    `designs`: name, data, and fitted law of each.
     """
     pictures = []
     for n, (name, data, law) in enumerate([d for d in designs if can_show(d[1])][:SHOWN]):
@@ -80,7 +98,7 @@ def shape_section(designs: Sequence[tuple[str, FemDataset, JointLaw | None]]) ->
 
 
 def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Section]:
-    """States, sampling and cost of each design; empty without any. `remark` ends the section of the states."""
+    """Return states, sampling and cost of each design; empty without any. `remark` ends the section of the states."""
     if not designs:
         return []
     cut = f"Pictures of the first {SHOWN} of {len(designs)} designs. " if len(designs) > SHOWN else ""
@@ -102,9 +120,9 @@ def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Sec
             "fem_cost": f"{name}Seconds as measured when it was solved.",
         }
         drawing = (
-            states_picture,
-            sampling_picture if foretold_axes(data) else None,
-            cost_picture if solved_rows(data).any() else None,
+            states_chart,
+            sampling_chart if foretold_axes(data) else None,
+            cost_chart if solved_rows(data).any() else None,
         )
         tables = (
             (states_table(data), failed_table(data)),
@@ -112,16 +130,14 @@ def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Sec
             (cost_table(data, one.backend),),
         )
         for k, (key, draw) in enumerate(zip(captions, drawing, strict=True)):
-            shown = draw is not None and n < SHOWN
-            chart = states_chart(data) if shown and key == "fem_states" else None
-            own = (Picture(numbered(key, n), captions[key], draw(data), chart),) if shown and draw else ()
+            own = (Picture(numbered(key, n), captions[key], draw(data)),) if n < SHOWN and draw else ()
             named = tuple(replace(t, title=name + t.title) for t in tables[k] if t is not None)
             made[k] = replace(made[k], pictures=made[k].pictures + own, tables=made[k].tables + named)
     return made
 
 
 def states_table(data: ModuleData) -> Table:
-    """How many states of each sort, and what they span."""
+    """Return the number of states of each kind, and their ranges."""
     p_unit, u_unit, effort = actuation_unit(data.actuation_name), deformation_unit(data), effort_unit(data)
     rows: list[Cells] = []
     trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
@@ -151,7 +167,7 @@ def states_table(data: ModuleData) -> Table:
 
 
 def sampling_table(data: ModuleData) -> Table:
-    """How the states of each axis were chosen and what error that left."""
+    """Return the sampling of the states of each axis and the remaining error."""
     rows: list[Cells] = []
     kind = str(data.sampling.get("kind", ""))
     for axis in data.explored_axes():
@@ -183,7 +199,7 @@ def sampling_table(data: ModuleData) -> Table:
 
 
 def coupling_table(data: ModuleData) -> Table | None:
-    """How strongly the axes depend on each other; None for one axis."""
+    """Return how strongly the axes depend on each other; None for one axis."""
     found = data.sampling.get("coupling")
     if not isinstance(found, Mapping) or "largest" not in found:
         return None
@@ -209,7 +225,7 @@ def coupling_table(data: ModuleData) -> Table | None:
 
 
 def cost_table(data: ModuleData, backend: str) -> Table:
-    """Size of the mesh, Newton steps and seconds of the states."""
+    """Return the size of the mesh, Newton steps and seconds of the states."""
     rows = solved_rows(data)
     wall, steps = data.wall_s[rows], data.iterations[rows]
     pieces = data.sampling.get("pieces")
@@ -233,7 +249,7 @@ def cost_table(data: ModuleData, backend: str) -> Table:
 
 
 def failed_table(data: ModuleData) -> Table | None:
-    """States that were not reached, with their causes."""
+    """Return the states that were not reached, with their causes."""
     shown, more = data.failed[:FAILURES], len(data.failed) - FAILURES
     rows = [[*failed_place(entry, data), str(entry.get("cause", "–"))] for entry in shown]
     note = f"{more} more in the JSON result." if more > 0 else ""
@@ -265,3 +281,143 @@ def _mean_and_largest(values: Sequence[float], text: Any) -> str:
     if not values:
         return "–"
     return f"{text(sum(values) / len(values))} on average, {text(max(values))} at most"
+
+
+def states_chart(data: ModuleData) -> Chart:
+    """Return the free branch, then τ over u of every explored axis, coloured by the actuation."""
+    scale = actuation_scale(data, data.actuation)
+    panels = [_free_panel(data, scale), *(_held_panel(data, name, scale) for name in data.explored_axes())]
+    across = len(panels) if len(panels) < 4 else 2
+    return Chart(tuple(panels), across=across, cell=(1620 // across, 560))
+
+
+def _free_panel(data: ModuleData, scale: ColourScale) -> Panel:
+    """Return u over the actuation, without external effort."""
+    main = data.axis(data.main_axis)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
+    free = main.rows(main.branch == "free")
+    order = np.argsort(free.actuation, kind="stable")
+    p, u = free.actuation[order] * p_unit.factor, free.angle_rad[order] * u_unit.factor
+    lines = [ChartLine("free branch", p, u, "", SOFT, 1.1)]
+    for name, check, marker in (("fitted", False, "o"), ("left out", True, "D")):
+        for k in np.flatnonzero((free.role[order] == "check") == check).tolist():
+            run, colour = p_unit.text(float(free.actuation[order][k]), 3), scale.to_hex(p[k : k + 1])[0]
+            lines.append(ChartLine(name, p[k : k + 1], u[k : k + 1], run, colour, 0.0, 5.0, marker, check))
+    y_axis = plain_coordinate(data, u_unit.symbol, data.main_axis if len(data.axes) > 1 else "")
+    return Panel(
+        actuation_axis(data), y_axis, tuple(lines), "Free branch: nothing holds the module", scale=scale
+    )
+
+
+def _held_panel(data: ModuleData, name: str, scale: ColourScale) -> Panel:
+    """Return τ over u of one axis, with lines between states of one actuation, and failed states at the bottom."""
+    one, several = data.axis(name), len(data.axes) > 1
+    p_unit, u_unit, effort = (
+        actuation_unit(data.actuation_name),
+        deformation_unit(data, name),
+        effort_unit(data, name),
+    )
+    marks: list[Mark] = [ZERO, *state_lines(one, p_unit.text, scale, (u_unit.factor, effort.factor), 0.8)]
+    lost = [f["angle_rad"] for f in one.failed if isinstance(f.get("angle_rad"), int | float)]
+    if lost:
+        x = np.array(lost, float) * u_unit.factor
+        marks.append(
+            ChartLine(f"failed ({len(lost)})", x, np.zeros(len(lost)), "", WARN, 0.0, 6.0, "^", rim=True)
+        )
+    y = ChartAxis(f"effort τ about {name}" if several else "effort τ", effort.symbol)
+    follows = f"{data.main_axis} follows freely" if name != data.main_axis else "the others at zero"
+    held = f"Held {'along' if slides(data, name) else 'about'} {name}; {follows}"
+    title = held if several else "Held: the effort that opposes actuation"
+    return Panel(coordinate_axis(data, name), y, tuple(marks), title, scale=scale)
+
+
+SMALLEST_MISS = 1e-8  # a share of the range below which a miss is rounding
+
+
+def sampling_chart(data: ModuleData) -> Chart:
+    """Return for each axis the plane of u and actuation, and misses over the number of states."""
+    panels = [
+        panel for name in foretold_axes(data) for panel in (_plane_panel(data, name), _miss_panel(data, name))
+    ]
+    return Chart(tuple(panels), across=2, cell=(780, 580))
+
+
+def _plane_panel(data: ModuleData, name: str) -> Panel:
+    """Return the positions of the states; those chosen one by one have their number."""
+    one, groups = data.axis(name), Groups.from_data(data.axis(name))
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data, name)
+    x, y = one.angle_rad * u_unit.factor, one.actuation * p_unit.factor
+    kinds = (
+        ("free branch and corners", groups.fit, FAINT, "o", 4.5),
+        ("check states", groups.check, SOFT, "D", 5.0),
+        ("self-contact", groups.untrusted, WARN, "x", 5.5),
+    )
+    marks: list[Mark] = [
+        ChartLine(label, x[rows], y[rows], "", colour, 0.0, size, marker, marker == "D")
+        for label, rows, colour, marker, size in kinds
+        if rows.any()
+    ]
+    tests = axis_record(data, name)["tests"]
+    at = [np.array([test[key] for test in tests]) for key in ("deformation", "actuation")]
+    at = [at[0] * u_unit.factor, at[1] * p_unit.factor]
+    marks.append(ChartLine("chosen one by one", at[0], at[1], "", SERIES[0], 0.0, 11.0))
+    marks += [
+        ChartNote(str(k), x, y, "centre", PAPER)
+        for k, (x, y) in enumerate(zip(at[0].tolist(), at[1].tolist(), strict=True), start=1)
+    ]
+    title = "Where the states lie, in the order of choice"
+    return Panel(coordinate_axis(data, name), actuation_axis(data), tuple(marks), title)
+
+
+def _miss_panel(data: ModuleData, name: str) -> Panel:
+    """Return each new state against its prediction, and the stated error at the end."""
+    record: Any = axis_record(data, name)
+    tests, wanted = record["tests"], 100 * float(record["error"])
+    numbers, last = np.arange(1.0, len(tests) + 1), np.array([len(tests) + 0.6])
+    spread, misses = (
+        100 * np.maximum([t[key] for t in tests], SMALLEST_MISS) for key in ("deviation", "miss")
+    )
+    deviation = "deviation of the process where it was largest"
+    marks: list[Mark] = [
+        ChartRule(wanted, SERIES[2], 1.4, text=f"wanted: {percent(wanted / 100)}"),
+        ChartLine(deviation, numbers, spread, "", SOFT, 1.1, dashed=True),
+        ChartLine("miss of the prediction", numbers, misses, "", SERIES[0], 1.0, 5.0),
+    ]
+    if (stated := record.get("stated_error")) is not None:
+        label = f"stated at the end: {percent(float(stated))}"
+        marks.append(ChartLine(label, last, np.array([100 * float(stated)]), "", SERIES[1], 0.0, 7.0, "s"))
+    if (check := record.get("check_error")) is not None:
+        label, y = (
+            f"largest error at check states: {percent(float(check))}",
+            100 * max(float(check), SMALLEST_MISS),
+        )
+        marks.append(ChartLine(label, last, np.array([y]), "", SERIES[3], 0.0, 7.0, "D", hollow=True))
+    x = ChartAxis("state chosen, in order", ends=(0.4, len(tests) + 0.95))
+    title = f"Misses of each new state{f', axis {name}' if len(data.axes) > 1 else ''}"
+    return Panel(x, ChartAxis("miss", "% of the effort's range", log=True), tuple(marks), title)
+
+
+def cost_chart(data: ModuleData) -> Chart:
+    """Return bars of seconds above bars of Newton steps, coloured by the axis that each state explores."""
+    rows = solved_rows(data)
+    explored, place = data.explored[rows], np.arange(1.0, int(rows.sum()) + 1)
+    colours = dict(zip(explored_kinds(data), SERIES, strict=False))
+    words = {"coupling": "all axes held"}
+    x = ChartAxis("state, in the order of solution")
+    panels: list[Panel] = []
+    for label, unit, values in (("time", "s", data.wall_s), ("Newton steps", "", data.iterations)):
+        heights = np.asarray(values, float)[rows]
+        marks: list[Mark] = []
+        for kind in dict.fromkeys(explored.tolist()):
+            at, top = place[explored == kind], heights[explored == kind]
+            name, colour = words.get(kind, f"axis {kind}"), colours.get(kind, SOFT)
+            marks.append(ChartBars(name, at, np.zeros(len(at)), top, "", colour, 0.8, upright=True))
+        panels.append(
+            Panel(
+                x,
+                ChartAxis(label, unit),
+                tuple(marks),
+                "" if panels else "Time and Newton steps of each state",
+            )
+        )
+    return Chart(tuple(panels), column=2, cell=(1560, 520))

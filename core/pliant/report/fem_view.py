@@ -1,4 +1,4 @@
-"""What sentences, tables and pictures read out of a module's FEM data."""
+"""Quantities of a module's FEM data for sentences, tables and pictures."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import actuation_unit, deformation_unit, effort_unit, fixed, plural
-from pliant.records.actuation import names_of as actuations_of
+from pliant.pipeline.answer_checks import answer_doubts
+from pliant.records.actuation import split_actuation_names as actuations_of
 from pliant.records.fem import PASSED, SELF_CONTACT, TOUCHING, TRUSTED, FemDataset, ModuleData
 from pliant.report.document import Warned
 
-LISTED = 12  # entries that a warning spells out
+LISTED = 12  # entries that a warning lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,29 +28,29 @@ class DesignStates:
 
 
 def axis_record(data: ModuleData, axis: str) -> Mapping[str, Any]:
-    """What the sampler recorded of an axis; empty where it recorded nothing."""
+    """Return the sampler's record of an axis; empty without one."""
     axes = data.sampling.get("axes")
     found = axes.get(axis, {}) if isinstance(axes, Mapping) else {}
     return found if isinstance(found, Mapping) else {}
 
 
 def foretold_axes(data: ModuleData) -> list[str]:
-    """Axes whose states were chosen one by one."""
+    """Return the axes whose states were chosen one by one."""
     return [name for name in data.explored_axes() if axis_record(data, name).get("tests")]
 
 
 def solved_rows(data: ModuleData) -> NDArray[np.bool_]:
-    """(n,) states that were solved; copies by symmetry took no time."""
+    """Return (n,) states that were solved; copies by symmetry took no time."""
     return np.asarray((data.wall_s > 0) | (data.iterations > 0))
 
 
 def explored_kinds(data: ModuleData) -> list[str]:
-    """Axes with states of their own, the main one first, then "coupling" where several axes were held."""
+    """Return the explored axes, the main one first, then "coupling" if several axes were prescribed together."""
     return [*data.explored_axes(), *(["coupling"] if np.any(data.explored == "coupling") else [])]
 
 
 def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> tuple[str, str]:
-    """Where a state failed: its actuation, and what was held."""
+    """Return where a state failed: its actuation, and its prescribed coordinates."""
     value, angle = entry.get("actuation"), entry.get("angle_rad")
     actuation = actuation_unit(actuations_of(data.actuation_name)[0])
     where = actuation.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
@@ -65,7 +66,7 @@ def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> 
 
 
 def free_reach(data: ModuleData) -> str:
-    """How far the free branch goes, e.g. ``bends 23.1° at 15 kPa``; empty without one."""
+    """Return the range of the free branch, e.g. ``bends 23.1° at 15 kPa``; empty without one."""
     if len(data.actuations) > 1:
         turned = np.abs(data.deformation[data.branch == "free"]).max()
         return f"bends {deformation_unit(data).text(float(turned), 3)} at most under these inputs alone"
@@ -81,14 +82,14 @@ def free_reach(data: ModuleData) -> str:
 
 
 def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
-    """What limits a data set: self-contact, states that are not trusted, states that failed."""
+    """Return the limits of a data set: self-contact, untrusted states, states that failed."""
     found = []
     if contact := int(np.sum(data.status == SELF_CONTACT)):
         tendon = data.actuation_name == "tendon_force_n"
         touching = "links that would meet" if tendon else "touching walls"
         found.append(
-            f"{contact} of {len(data)} states have {touching}, which nothing holds: the law's domain ends where they "
-            "take over, and inside it they are too soft."
+            f"{contact} of {len(data)} states have {touching}, and this solver has no contact: the law's domain ends "
+            "where they meet, and beyond it these states are too soft."
         )
     if passed := int(np.sum(data.status == PASSED)):
         found.append(
@@ -104,16 +105,18 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
     if other.any():
         names = ", ".join(sorted(set(data.status[other].tolist())))
         found.append(f"{int(other.sum())} states are not trusted ({names}).")
+    if isinstance(data, ModuleData) and isinstance(figures := data.sampling.get("checks"), Mapping):
+        found += answer_doubts(figures)
     warned = [Warned(prefix + text) for text in found]
     if count := len(data.failed):
         items = tuple(
             f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
             for entry in data.failed[:LISTED]
         )
-        warned.append(Warned(f"{prefix}{plural(count, 'state')} failed{rest_of_list(count)}.", items))
+        warned.append(Warned(f"{prefix}{plural(count, 'state')} failed{truncation_note(count)}.", items))
     return warned
 
 
-def rest_of_list(count: int) -> str:
-    """What a sentence says of a list that is cut."""
+def truncation_note(count: int) -> str:
+    """Return the end of a sentence with a truncated list."""
     return f" (the first {LISTED} are listed)" if count > LISTED else ""

@@ -1,4 +1,4 @@
-"""Fitted laws as a document: errors on states left out, error bars, what limits them; for terminal, page and JSON."""
+"""Fitted laws as a document: errors on held-out states, error bars, limits; for terminal, page and JSON."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.fem_tables.reading import holds_whole_states, read_module_table, read_table
 from pliant.formatting import (
     Unit,
     actuation_unit,
@@ -18,25 +19,24 @@ from pliant.formatting import (
     listed,
     number,
     percent,
-    units_of_page,
+    units_footer,
 )
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.learning import learning_stage
-from pliant.pipeline.residuals import as_scored, module_of, module_of_axes
+from pliant.pipeline.residuals import as_module_data, as_scored, module_from_axes
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.surrogate import LawStage, study_law_beside
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.report.document import Document, Drawn, Table, Warned, answers, as_json, brief_table, capital
 from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
 from pliant.report.fit_view import ReportedLaw, slope_unit, unstable_places
-from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
+from pliant.report.meta_view import meta_law_json, meta_law_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
-from pliant.tabular.fem_reading import holds_whole_states, read_module_table, read_table
 from pliant.units import split_unit
 
 PAGE = "fit.html"
@@ -56,14 +56,14 @@ def fit_document(
     brief: Sequence[Table | str],
     compared: Sequence[ReportedLaw] = (),
 ) -> Document:
-    """The document of laws.
+    """Return the document of laws.
 
     Args:
         title: of the page.
-        fitted: the laws, one for each design; none where all are stated by their coefficients.
+        fitted: the laws, one for each design; empty if all are stated by their coefficients.
         study: inputs to list.
         data: the JSON result.
-        brief: what a terminal prints before the sentence.
+        brief: tables and lines that a terminal prints before the sentence.
         compared: surrogates fitted to the states of the first design, side by side; one of them may be that law.
     """
     several = len(fitted) > 1
@@ -84,7 +84,7 @@ def fit_document(
         answers=_answers(fitted[0], limits),
         warnings=limits,
         draw=draw,
-        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
+        footer=units_footer(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
         version=made_by(manifests),
     )
@@ -93,7 +93,7 @@ def fit_document(
 def laws_document(
     title: str, designs: Sequence[DesignStages], fitted: Sequence[ReportedLaw], study: Mapping[str, Any]
 ) -> Document:
-    """The document of a study's laws, one for each of its designs; see `fitted_designs`."""
+    """Return the document of a study's laws, one for each of its designs; see `fitted_designs`."""
     results = [law_json(design) for design in designs]
     data = results[0] if len(results) == 1 else {"designs": results}
     return fit_document(title, fitted, study, data, [line for d in designs for line in law_lines(d)])
@@ -102,13 +102,13 @@ def laws_document(
 def table_document(
     source: Path, stages: DesignStages, fitted: Sequence[ReportedLaw], problems: Mapping[str, str]
 ) -> Document:
-    """The document of a law from a table of states.
+    """Return the document of a law from a table of states.
 
     Args:
         source: the table.
         stages: of its law.
-        fitted: that law, then other surrogates on the same states where they are compared.
-        problems: why surrogates could not be fitted, by kind.
+        fitted: that law, then other surrogates on the same states for a comparison.
+        problems: reasons why surrogates could not be fitted, by kind.
     """
     first, compared = fitted[0], fitted if len(fitted) > 1 or problems else ()
     half = first.coverage[0].half_width * first.coverage[0].effort_range if first.coverage else None
@@ -135,13 +135,13 @@ def table_document(
 
 
 def stored_fit_page(
-    bench: Workbench,
+    bench: RunContext,
     document: Document,
     fitted: Sequence[ReportedLaw],
     study: Mapping[str, Any],
     compared: Sequence[ReportedLaw] = (),
 ) -> StoredPage:
-    """What the page of laws depends on."""
+    """Return the page of laws with the data that it depends on."""
     every = [*fitted, *compared]
     config = {
         "title": document.title,
@@ -158,7 +158,7 @@ def _manifests(fitted: Sequence[ReportedLaw], compared: Sequence[ReportedLaw]) -
 
 
 def fitted_law(
-    bench: Workbench,
+    bench: RunContext,
     name: str,
     config: SurrogateConfig,
     stage: LawStage,
@@ -167,19 +167,19 @@ def fitted_law(
     learning: bool = True,
     source: str = "FEM",
 ) -> ReportedLaw:
-    """A law with what its document shows; with `learning` the surrogate is fitted again to parts of the states.
+    """Return a law with the data of its document; with `learning` the surrogate is also fitted to parts of the states.
 
     Args:
         bench: plugins and store.
         name: of the design, or of the surrogate where several are compared.
         config: of the surrogate.
         stage: the law.
-        data: whole states of the module; those of the law's stage otherwise.
+        data: whole states of the module; by default those of the law's stage.
         learning: whether a learning curve is made.
-        source: where the states come from, in words.
+        source: origin of the states, in words.
 
     Raises:
-        UserError: the law is stated by coefficients, so that there is no fit to report.
+        UserError: the law is stated by coefficients, so there is no fit to report.
     """
     surrogate: Surrogate = bench.build("surrogate", config)
     known = data is not None or stage.data is not None or bool(surrogate.tables())
@@ -188,7 +188,7 @@ def fitted_law(
             f"the law of '{name}' is stated by its coefficients: there is no fit, so leave out --out, or let "
             "'surrogate' fit FEM states or a table."
         )
-    data = as_scored(_of_tables(surrogate, stage) if data is None else data, stage.report)
+    data = as_scored(_own_table_states(surrogate, stage) if data is None else data, stage.report)
     curve = None
     if learning and len(surrogate.tables()) <= 1 and len(data.actuations) == 1:
         curve = learning_stage(bench, config, data, {"law": stage.artifact.key})
@@ -212,9 +212,9 @@ def fitted_law(
 
 
 def fitted_designs(
-    bench: Workbench, designs: Sequence[DesignStages], learning: bool = True
+    bench: RunContext, designs: Sequence[DesignStages], learning: bool = True
 ) -> list[ReportedLaw]:
-    """The laws of a study's designs, named by number where there are several."""
+    """Return the laws of a study's designs, named by number if there are several."""
     found = []
     for count, design in enumerate(designs, start=1):
         name = "the design" if len(designs) == 1 else f"design {count}"
@@ -226,20 +226,20 @@ def fitted_designs(
     return found
 
 
-def _of_tables(surrogate: Surrogate, stage: LawStage) -> ModuleData:
-    """The states of the config's own tables: one of one axis or of several, or one for each axis."""
+def _own_table_states(surrogate: Surrogate, stage: LawStage) -> ModuleData:
+    """Return the states of the config's own tables: one of one axis or of several, or one for each axis."""
     tables = surrogate.tables()
     path = tables.get("")
     if path is not None and holds_whole_states(path):
         return read_module_table(path)
     if tables and path is None:
-        return module_of_axes({axis: read_table(one, axis) for axis, one in tables.items()}, stage.law.axes)
+        return module_from_axes({axis: read_table(one, axis) for axis, one in tables.items()}, stage.law.axes)
     assert stage.data is not None
-    return module_of(stage.data)
+    return as_module_data(stage.data)
 
 
 def fit_sentence(fitted: ReportedLaw, named: bool = False) -> str:
-    """Worst error on states left out, the study's form beside it, coverage."""
+    """Return a sentence: worst error on held-out states, that of the published form, coverage."""
     report = fitted.report
     parts = [
         f"the law is within {percent(report.worst_of_range)} of {fitted.source} on {report.n_heldout} states "
@@ -248,7 +248,7 @@ def fit_sentence(fitted: ReportedLaw, named: bool = False) -> str:
     beside = list(fitted.study_misses.values())
     if beside and report.details.get("form") != "study":
         worst = beside[0].rows(beside[0].check).worst
-        parts.append(f"the study's form misses the same states by up to {percent(worst)}")
+        parts.append(f"the published form misses the same states by up to {percent(worst)}")
     if fitted.coverage:
         every = fitted.coverage[0]
         parts.append(f"the law's 90 % band holds {round(every.n * every.at(LEVEL))} of {every.n}")
@@ -257,7 +257,7 @@ def fit_sentence(fitted: ReportedLaw, named: bool = False) -> str:
 
 
 def _answers(fitted: ReportedLaw, limits: Sequence[Warned]) -> tuple[tuple[str, str], ...]:
-    """Error, the gravest limit, what the error bar holds."""
+    """Return the answers: error, the gravest limit, coverage of the error bar."""
     report, sure = fitted.report, "The law states no error bar."
     if fitted.coverage:
         every = fitted.coverage[0]
@@ -271,18 +271,18 @@ def _answers(fitted: ReportedLaw, limits: Sequence[Warned]) -> tuple[tuple[str, 
 
 
 def fit_warnings(fitted: ReportedLaw, named: bool = False) -> list[Warned]:
-    """What limits the law: instability, missing bars, the states themselves."""
+    """Return the limits of the law: instability, missing bars, limits of the states."""
     prefix = f"{fitted.name}: " if named else ""
     found = []
     if fitted.least_stable >= 0 or fitted.report.details.get("stable") is False:
         found.append(Warned(prefix + UNSTABLE_LAW if named else capital(UNSTABLE_LAW)))
-    if fitted.law.error is None:
+    if not fitted.law.states_error:
         found.append(Warned(capital(f"{prefix}the law states no error bar.")))
     return found + data_warnings(fitted.data, prefix)
 
 
 def law_json(design: DesignStages) -> dict[str, Any]:
-    """The `fit` result of one design."""
+    """Return the `fit` result of one design."""
     law, report = design.law.law, design.law.report
     record = law.record()
     result: dict[str, Any] = {
@@ -298,7 +298,7 @@ def law_json(design: DesignStages) -> dict[str, Any]:
         result["study_form"] = report.details.get("study_form")
         result["stable"] = report.details.get("stable")
         if "meta_model" in report.details:
-            result |= law_of_meta_json(report.details)
+            result |= meta_law_json(report.details)
         result["stated_axes"] = report.details.get("stated_axes", [])
     if design.law.artifact is not None:
         result["stages"] = [stage_json(design.law.artifact)]
@@ -306,12 +306,12 @@ def law_json(design: DesignStages) -> dict[str, Any]:
 
 
 def law_lines(design: DesignStages) -> list[str]:
-    """A law's errors, for the terminal."""
+    """Return a law's errors, for the terminal."""
     report = design.law.report
     if report is None or design.law.artifact is None:
         return ["law      stated by its coefficients"]
     if "meta_model" in report.details:
-        return law_of_meta_lines(report)
+        return meta_law_lines(report)
     r2 = f"R² {report.r2:.7g}, " if math.isfinite(report.r2) else ""
     lines = [
         f"law      worst error {percent(report.worst_of_range)} of the range on {report.n_heldout} states left out "
@@ -321,12 +321,12 @@ def law_lines(design: DesignStages) -> list[str]:
         lines.append(f"         stated, not fitted: axis {listed(stated)}")
     study_form = report.details.get("study_form")
     if study_form and "worst_of_range" in study_form:
-        lines.append(f"         the study's form: {percent(study_form['worst_of_range'])}")
+        lines.append(f"         the published form: {percent(study_form['worst_of_range'])}")
     return lines
 
 
 def _table_lines(source: Path, fitted: ReportedLaw) -> list[str]:
-    """Size and span of a table's states."""
+    """Return size and range of a table's states."""
     law, report = fitted.law, fitted.report
     count = report.n_fitted + report.n_heldout
     sides = law.domain.actuation.reshape(-1, 2)
@@ -341,13 +341,13 @@ def _table_lines(source: Path, fitted: ReportedLaw) -> list[str]:
 
 
 def _span(sides: Array, unit: Unit) -> str:
-    """Both ends of a range, three digits: −13 to 31.2°."""
+    """Return both ends of a range with three digits: −13 to 31.2°."""
     low, high = (number(float(side) * unit.factor, 3) for side in sides)
     return unit.attached(f"{low} to {high}")
 
 
 def _band_lines(fitted: ReportedLaw, band: Mapping[str, Any]) -> list[str]:
-    """The error bar of a table's law, its stability, states that took no part."""
+    """Return the error bar of a table's law, its stability, and states that were left out."""
     law, effort = fitted.law, effort_unit(fitted.law)
     if band["covered"] is None:
         lines = ["band     this law states none"]
@@ -371,6 +371,6 @@ def _band_lines(fitted: ReportedLaw, band: Mapping[str, Any]) -> list[str]:
 
 
 def _left_out(fitted: ReportedLaw) -> list[str]:
-    """States that took no part, and why."""
+    """Return the states that were left out, and the reason."""
     excluded = fitted.report.details.get("excluded") or {}
     return [f"left out {count} states: {reason}" for reason, count in excluded.items()]

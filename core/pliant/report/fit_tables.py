@@ -1,4 +1,4 @@
-"""Tables of a fit: errors beside the study's forms, what was chosen, error bars, learning, slopes, cost."""
+"""Tables of a fit: errors compared with published forms, chosen settings, error bars, learning, slopes, cost."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PUBLISHED_NOTE = (
     "bending bellow (Yao, Howard, Maiolino, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406); other data than here."
 )
 MARKS = (1e-3, 1e-4, 1e-5)
-# Details that have tables or pictures of their own, or are too long for a cell.
+# Details with separate tables or pictures, or too long for a cell.
 TOLD = {
     "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", "error_bar",
     *STUDY_FORMS,
@@ -31,7 +31,7 @@ TOLD = {
 
 
 def errors_table(fitted: ReportedLaw) -> Table:
-    """The law, the study's forms on the same states, the published figure."""
+    """Return the errors of the law, of the published forms on the same states, and the published value."""
     effort, report = effort_unit(fitted.law), fitted.report
     rows: list[Cells] = [
         [
@@ -62,17 +62,17 @@ def errors_table(fitted: ReportedLaw) -> Table:
 
 
 def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> Table | None:
-    """Errors of τ by axis at trusted states; None for a law of one axis. `ranges` (k,) stand for those of the data."""
+    """Return errors of τ by axis at trusted states; None for one axis. `ranges` (k,) replace those of the data."""
     if len(law.axes) == 1:
         return None
-    effort, missed = effort_unit(law), Residuals.of_law(data, law, ranges=ranges)
+    effort, missed = effort_unit(law), Residuals.from_law(data, law, ranges=ranges)
     rows: list[Cells] = []
     for together in (False, True):
         for k, axis in enumerate(law.axes):
             part = missed.rows((missed.axis == k) & (missed.together == together))
             if len(part.state):
                 rows.append([f"all held: {axis}" if together else axis, *_by_role(part, effort)])
-    whole = Residuals.of_law(data, law, every=True, ranges=ranges)
+    whole = Residuals.from_law(data, law, every=True, ranges=ranges)
     rows.append(["every axis in every state", *_by_role(whole, effort)])
     head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
     note = (
@@ -83,7 +83,7 @@ def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> 
 
 
 def choice_table(fitted: ReportedLaw, axis: str) -> Table | None:
-    """The candidates of a cross-validation of one axis; None where the surrogate tells none."""
+    """Return the candidates of a cross-validation of one axis; None if the surrogate has none."""
     details = fitted.axis_details(axis) or fitted.report.details
     found = details.get("cross_validation")
     if not isinstance(found, Sequence) or not found or not isinstance(found[0], Mapping):
@@ -99,7 +99,7 @@ def choice_table(fitted: ReportedLaw, axis: str) -> Table | None:
 
 
 def settings_table(fitted: ReportedLaw) -> Table | None:
-    """Everything else that the fit tells in one word or number."""
+    """Return every other detail of the fit that is one word or number."""
     values: dict[str, str] = {}
     for axis in fitted.explored if isinstance(fitted.report.details.get("axes"), Mapping) else ("",):
         details = fitted.axis_details(axis) if axis else fitted.report.details
@@ -110,7 +110,7 @@ def settings_table(fitted: ReportedLaw) -> Table | None:
 
 
 def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:
-    """Shares covered by level; None without bars."""
+    """Return covered shares by level; None without bars."""
     rows = [
         [
             curve.label,
@@ -127,7 +127,7 @@ def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:
 
 
 def learning_table(learning: Mapping[str, Any]) -> Table:
-    """Errors by number of states, and how many states an error needs."""
+    """Return errors by number of states, and the number of states that an error needs."""
     names = list(dict.fromkeys(p["slopes"] for p in learning["points"]))
     sizes = sorted({p["n"] for p in learning["points"]})
     rows: list[Cells] = []
@@ -159,7 +159,7 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
 
 
 def cost_table(fitted: ReportedLaw) -> Table:
-    """What the law cost and what an evaluation costs."""
+    """Return the cost of the law and of an evaluation."""
     each = fitted.fem_s / max(fitted.solved, 1)
     ratio = number(float(f"{each * fitted.per_second:.2g}"))
     values = {
@@ -218,7 +218,7 @@ def _by_role(part: Residuals, effort: Unit) -> list[str]:
 
 
 def _beside(title: str, missed: Residuals, effort: Unit) -> Cells:
-    """A row of the study's form where the law's own report has none: scored here, on the same states."""
+    """Return a row of the published form if the law's own report has none: scored here, on the same states."""
     part = missed.rows(missed.check)
     rmse, worst = float(np.sqrt(np.mean(part.miss**2))), float(np.abs(part.miss).max(initial=0.0))
     values = {"rmse": rmse, "worst": worst, "worst_of_range": part.worst}
@@ -226,12 +226,12 @@ def _beside(title: str, missed: Residuals, effort: Unit) -> Cells:
 
 
 def score_heads(effort: Unit) -> list[str]:
-    """Headings of `score_cells`."""
+    """Return the headings of `score_cells`."""
     return [f"RMSE ({effort.symbol})", f"worst ({effort.symbol})", "worst, of effort range", "R²"]
 
 
 def score_cells(scores: Mapping[str, Any], effort: Unit) -> list[str]:
-    """Errors of a law, from a report or from what it says of the study's form."""
+    """Return the errors of a law, from its report or from that of a published form."""
     return [
         number(scores["rmse"] * effort.factor, 3),
         number(scores["worst"] * effort.factor, 3),
@@ -241,7 +241,7 @@ def score_cells(scores: Mapping[str, Any], effort: Unit) -> list[str]:
 
 
 def r2_text(r2: float) -> str:
-    """R² with seven decimals; one state, or states of one moment, have none."""
+    """Return R² with seven decimals; one state, or states of one torque, have none."""
     return f"{r2:.7f}" if np.isfinite(r2) else "–"
 
 

@@ -1,4 +1,4 @@
-"""What the page of a fit reads out of a law, its report and the states behind it."""
+"""Quantities of a law, its report and its states that the page of a fit shows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from pliant.formatting import Unit, effort_unit, slides
 from pliant.interfaces.surrogate import SurrogateConfig
-from pliant.mechanics.one_input import of_one_input
+from pliant.mechanics.one_input import first_input_law
 from pliant.pipeline.residuals import Residuals
 from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
@@ -21,18 +21,18 @@ from pliant.report.fem_view import solved_rows
 from pliant.report.run_view import study_form_effort
 from pliant.store.store import Artifact
 
-# Where a report may hold the published study's form, and what the page calls it.
+# Keys of a report for published forms, and their titles on the page.
 STUDY_FORMS = {
-    "study_form": "the study's form, least squares",
-    "study_finite_differences": "the study's form, its finite differences",
+    "study_form": "the published form, least squares",
+    "study_finite_differences": "the published form, its finite differences",
 }
-POINTS = 81  # of a grid of slopes, along each side of the box
+POINTS = 81  # points of a grid of slopes, along each side of the box
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
 
 @dataclass(frozen=True, eq=False)
 class ReportedLaw:
-    """A law with all that its page shows.
+    """A law with the data of its page.
 
     Attributes:
         name: of the design, or of the surrogate where several are compared.
@@ -41,10 +41,10 @@ class ReportedLaw:
         data: the states; those that the report scores have the role "check".
         wall_s: of the fit.
         learning: result of `pliant.pipeline.learning.learning_curve`, or None.
-        source: where the states come from, in words.
-        study_law: the study's form on the same states, where the report itself has none.
+        source: origin of the states, in words.
+        study_law: the published form on the same states, if the report has none.
         config: of the surrogate.
-        artifacts: what it was made from, for the page's provenance.
+        artifacts: its inputs, for the page's provenance.
     """
 
     name: str
@@ -61,7 +61,7 @@ class ReportedLaw:
 
     @cached_property
     def per_second(self) -> float:
-        """Evaluations with slopes, measured when a page asks."""
+        """Evaluations with slopes per second, measured on first access."""
         return evaluations_per_second(self.law)
 
     @cached_property
@@ -76,12 +76,12 @@ class ReportedLaw:
 
     @cached_property
     def misses(self) -> Residuals:
-        """What the law misses, by state and axis."""
-        return Residuals.of_law(self.data, self.law, ranges=self.ranges)
+        """The law's residuals, by state and axis."""
+        return Residuals.from_law(self.data, self.law, ranges=self.ranges)
 
     @cached_property
     def ranges(self) -> Array | None:
-        """(k,) range of each axis' effort as the report has them, so that shares agree; None where it tells none."""
+        """(k,) range of each axis' effort as in the report, so that shares agree; None if the report has none."""
         if len(self.law.axes) == 1:
             return np.array([self.report.effort_range])
         found = [self.axis_details(axis).get("effort_range") for axis in self.law.axes]
@@ -89,30 +89,30 @@ class ReportedLaw:
 
     @cached_property
     def study_misses(self) -> dict[str, Residuals]:
-        """What each of the study's forms misses at the same states, by its title."""
+        """The residuals of each published form at the same states, by its title."""
         box = np.vstack([self.law.domain.actuation, self.law.domain.deformation])
         found = {}
         for key, title in STUDY_FORMS.items():
             forms = self.study_forms(key)
             if len(forms) == len(self.explored):
-                found[title] = Residuals.of(
+                found[title] = Residuals.from_prediction(
                     self.data, self.law.axes, _efforts(forms, self.law.axes), box, ranges=self.ranges
                 )
         if not found and self.study_law is not None and self.study_law.axes == self.law.axes:
             beside = self.study_law
             title = STUDY_FORMS["study_form"]
-            found[title] = Residuals.of(
+            found[title] = Residuals.from_prediction(
                 self.data, beside.axes, lambda p, u: beside.evaluate(p, u).tau, box, ranges=self.ranges
             )
         return found
 
     @property
     def explored(self) -> tuple[str, ...]:
-        """The law's axes with states of their own, the main one first."""
+        """The explored axes of the law, the main one first."""
         return tuple(axis for axis in self.data.explored_axes() if axis in self.law.axes)
 
     def axis_details(self, axis: str) -> Mapping[str, Any]:
-        """The report's details of one axis: its own where the axes were fitted one by one."""
+        """Return the report's details of one axis: its own if the axes were fitted one by one."""
         each = self.report.details.get("axes")
         if isinstance(each, Mapping):
             found = each.get(axis, {})
@@ -120,7 +120,7 @@ class ReportedLaw:
         return self.report.details if len(self.law.axes) == 1 else {}
 
     def study_forms(self, key: str) -> dict[str, Mapping[str, Any]]:
-        """By axis, scores and parameters of one of the study's forms, where it could be fitted."""
+        """Return by axis the scores and parameters of one published form, where it could be fitted."""
         found = {}
         for axis in self.explored:
             form = self.axis_details(axis).get(key)
@@ -130,19 +130,19 @@ class ReportedLaw:
 
     @property
     def fem_s(self) -> float:
-        """Seconds of the solver behind the states; 0 where nobody knows."""
+        """Solver's seconds for the states; 0 if not known."""
         return float(np.nansum(self.data.wall_s))
 
     @property
     def solved(self) -> int:
-        """States that were solved; all of them where nobody knows."""
+        """Number of solved states; all of them if not known."""
         rows = solved_rows(self.data)
         return int(rows.sum()) or len(self.data)
 
 
 @dataclass(frozen=True, eq=False)
 class BandCoverage:
-    """How often bands hold what they should: stated `levels` (l,) against `covered` (l,) of n states.
+    """The coverage of bands: stated `levels` (l,) against `covered` (l,) of n states.
 
     `half_width` and `missed` (n,) are the band of 90 % and the miss at each state, as shares of the range of the
     axis' effort; `effort_range` (n,) is that range, N·m or N.
@@ -157,14 +157,14 @@ class BandCoverage:
     effort_range: Array = field(repr=False)
 
     def at(self, level: float) -> float:
-        """Share covered at one of the levels."""
+        """Return the share covered at one of the levels."""
         return float(self.covered[int(np.argmin(np.abs(self.levels - level)))])
 
 
 def _coverage(fitted: ReportedLaw) -> list[BandCoverage]:
     data, law, missed = fitted.data, fitted.law, fitted.misses
     part = missed.rows(missed.check)
-    if law.error is None or not len(part.state):
+    if not law.states_error or not len(part.state):
         return []
     columns = [data.axes.index(axis) for axis in law.axes]
     p, u = data.actuation[part.state], data.deformation[part.state][:, columns]
@@ -185,7 +185,7 @@ def _coverage(fitted: ReportedLaw) -> list[BandCoverage]:
 
 
 def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
-    """p (m,), u (m,) and ∂τ_axis/∂u_axis (m, m) over the law's box, the other axes at zero."""
+    """Return p (m,), u (m,) and ∂τ_axis/∂u_axis (m, m) over the law's box, the other axes at zero."""
     k = law.axes.index(axis)
     ends = (law.domain.actuation, law.domain.deformation[k])
     p, u = (np.linspace(float(low), float(high), POINTS) for low, high in ends)
@@ -197,18 +197,18 @@ def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
 
 
 def slope_unit(law: JointLaw, axis: str = "") -> Unit:
-    """Display unit of ∂τ/∂u: that of the effort per SI unit of u."""
+    """Return the display unit of ∂τ/∂u: that of the effort per SI unit of u."""
     effort = effort_unit(law, axis)
     return Unit(f"{effort.symbol}/{'m' if slides(law, axis) else 'rad'}", effort.factor)
 
 
 def least_stable(law: JointLaw, count: int = 4000) -> float:
-    """The largest eigenvalue of the symmetric part of ∂τ/∂u in the box: below 0 the joint is stable everywhere.
+    """Return the largest eigenvalue of the symmetric part of ∂τ/∂u in the box; below 0 the joint is stable everywhere.
 
-    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`; of several inputs under the
-    first alone (the fit's own report has the largest slope over the whole box).
+    It is searched at `count` random points and, axis by axis, on the grid of `slope_grid`; of several inputs only the
+    first is varied (the fit's own report has the largest slope over the whole box).
     """
-    law = of_one_input(law)
+    law = first_input_law(law)
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
     slopes = law.evaluate(values[:, 0], values[:, 1:]).dtau_du
@@ -230,7 +230,7 @@ def _efforts(
 
 
 def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
-    """For each axis along which the effort rises (∂τ/∂u ≥ 0), where it rises most; the other axes at rest.
+    """Return the point of largest slope for each axis with ∂τ/∂u ≥ 0; the other axes are at rest.
 
     SI: actuation (Pa or N), deformation (rad or m), slope. Empty for a law without a finite domain.
     """

@@ -1,4 +1,4 @@
-"""What documents of fitted effects share: parameters with their uncertainty, errors, floors, remarks, runs to do."""
+"""Common parts of documents of fitted effects: parameters with uncertainty, errors, floors, remarks, next runs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pliant.diagnosis.uncertainty import Estimate, Uncertainty
 from pliant.diagnosis.verdict import Judgement
 from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
 from pliant.measurements.floors import Floor
-from pliant.records.remark import Remark
+from pliant.records.remark import Rank, Remark
 from pliant.registry.discovery import Registry
 from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
 from pliant.units import si_unit
 
 CLOSE = 2.0  # standard deviations
-Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
+Written = tuple[Estimate, float]  # a parameter, and its value as a study writes it
 
 
 def _unit(written: Written) -> Unit:
@@ -61,40 +61,40 @@ def _written(found: Uncertainty, values: Mapping[str, float] | None) -> list[Wri
 
 
 def parameters_json(found: Uncertainty | None, values: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """By ``kind.name``; `values` are those of a written study where they are rounded."""
+    """Return the parameters by ``kind.name``; `values` are the rounded ones of a written study."""
     if found is None:
         return {}
     return {one[0].name: as_json(PARAMETER_COLUMNS, one) for one in _written(found, values)}
 
 
 def parameters_brief(found: Uncertainty) -> Table:
-    """Value, uncertainty and interval of each parameter, for the terminal."""
+    """Return value, uncertainty and interval of each parameter, for the terminal."""
     return brief_table(PARAMETER_COLUMNS, _written(found, None))
 
 
 def parameters_table(found: Uncertainty, title: str, note: str) -> Table:
-    """The same for the page, with what is to be doubted."""
+    """Return the same for the page, with doubts about the values."""
     return page_table(title, PARAMETER_COLUMNS, _written(found, None), note)
 
 
 def doubtful(found: Uncertainty) -> list[str]:
-    """What speaks against values, a sentence each."""
+    """Return the doubts about values, a sentence each."""
     return [f"{one.name}: {doubt}" for one in found.estimates for doubt in one.doubts]
 
 
 def floors_json(floors: Mapping[str, Floor]) -> dict[str, Any]:
-    """Noise floor of each output."""
+    """Return the noise floor of each output."""
     keys = ("value", "unit", "source", "se")
     return {name: {key: getattr(floor, key) for key in keys} for name, floor in floors.items()}
 
 
 def errors_json(found: Score) -> dict[str, Any]:
-    """RMS error of each output in its SI unit."""
+    """Return the RMS error of each output in its SI unit."""
     return {name: {"rmse": value, "unit": si_unit(name)} for name, value in found.rmse.items()}
 
 
 def verdict_json(found: Judgement) -> dict[str, Any]:
-    """The verdict, why, and what is left; of measurements and of counts."""
+    """Return the verdict, its reasons, and the remaining explanations, for measurements and for counts."""
     said = [found.sentence] if found.verdict == "ambiguous" else []
     return {
         "verdict": found.verdict,
@@ -108,7 +108,7 @@ def verdict_json(found: Judgement) -> dict[str, Any]:
 
 
 def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
-    """A proposed run; `file` is its protocol file."""
+    """Return a proposed run; `file` is its protocol file."""
     if found is None:
         return None
     said = {key: value for key, value in vars(found).items() if key != "planned"}
@@ -116,22 +116,20 @@ def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, A
 
 
 def caveat(text: str) -> Warned:
-    """A remark as a warning with its rank."""
-    return Warned(text, rank=Remark.of(text).rank)
+    """Return a remark as a warning with its rank."""
+    return Warned(text, rank=Remark.from_text(text).rank)
 
 
 def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()) -> tuple[Warned, ...]:
-    """Remarks as warnings: shipped effects that the chain cannot have stand together, unless asked for by name."""
-    shipped = {
-        component.kind
-        for component in registry.components
-        if component.interface == "effect" and component.implementation.startswith("pliant_plugins.")
-    } - set(asked)
+    """Return remarks as warnings; shipped effects that the chain cannot have are merged, unless requested by name."""
+    shipped = _shipped_effects(registry) - set(asked)
     plain, impossible = [], {}
     for text in remarks:
-        kind = Remark.of(text).left_out
+        kind = Remark.from_text(text).left_out
         if kind in shipped:
             impossible[kind] = text
+        elif kind and kind not in asked:
+            plain.append(_package_warning(text))
         else:
             plain.append(caveat(text))
     if impossible:
@@ -140,12 +138,28 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
     return tuple(plain)
 
 
+def package_warnings(registry: Registry, remarks: Sequence[str]) -> tuple[Warned, ...]:
+    """Return as warnings the remarks on effects of other packages that were not tried."""
+    shipped = _shipped_effects(registry)
+    named = [(Remark.from_text(text).left_out, text) for text in remarks]
+    return tuple(_package_warning(text) for kind, text in named if kind and kind not in shipped)
+
+
+def _shipped_effects(registry: Registry) -> set[str]:
+    return {component.kind for component in registry.by_interface("effect") if component.shipped}
+
+
+def _package_warning(text: str) -> Warned:
+    """Return a warning above the rank of details: a package that fails or does not suit the chain is unexpected."""
+    return Warned(text, rank=Rank.DATA)
+
+
 def most_probable(probability: Mapping[Kinds, float], most: int) -> tuple[list[Kinds], str]:
-    """Explanations for a table of the terminal, the most probable first, and in words which these are.
+    """Return explanations for a table of the terminal, the most probable first, and a sentence on the selection.
 
     Args:
         probability: of every explanation.
-        most: rows; the model as it is stands below them in any case.
+        most: number of rows; the present model is added to them in any case.
     """
     every = sorted(probability, key=lambda kinds: -probability[kinds])
     likely = every[:most]
@@ -161,7 +175,7 @@ def most_probable(probability: Mapping[Kinds, float], most: int) -> tuple[list[K
 
 
 def parameter_word(parameter: str, unit: str) -> str:
-    """A parameter's name without the unit that stands behind its value."""
+    """Return a parameter's name without the unit, which follows its value."""
     for suffix, of in (("_pa", "Pa"), ("_rad", "rad"), ("_s", "s"), ("_per_k", "K^-1")):
         if unit == of:
             parameter = parameter.removesuffix(suffix)
@@ -169,17 +183,17 @@ def parameter_word(parameter: str, unit: str) -> str:
 
 
 def strength_text(value: float, unit: str) -> str:
-    """A strength in its display unit."""
+    """Return a strength in its display unit."""
     return display_unit(unit).text(value, 2)
 
 
 def value_text(value: float, sd: float, si: str) -> str:
-    """Value ± standard deviation with the unit, the value to the decimal at which it is not sure."""
+    """Return value ± standard deviation with the unit, rounded by the standard deviation."""
     return with_sd(value, sd, display_unit(si))
 
 
 def estimate_text(one: Estimate) -> str:
-    """``0.213 ± 0.004``, and whether it is implausible or at its bound, or that a simpler form is enough."""
+    """Return ``0.213 ± 0.004``, and whether it is implausible or at its bound, or that a simpler form is enough."""
     flags = [*([] if one.plausible else ["implausible"]), *(["at its bound"] if one.at_limit else [])]
     flags = [one.simpler] if one.simpler else flags
     flagged = f" ({', '.join(flags)})" if flags else ""
@@ -187,7 +201,7 @@ def estimate_text(one: Estimate) -> str:
 
 
 def implausible_text(one: Estimate) -> str:
-    """That a value lies outside its plausible range, and what that means."""
+    """Return a sentence on a value outside its plausible range, and its meaning."""
     plausible, unit = one.parameter.plausible, one.parameter.unit
     low, high = (strength_text(value, unit) for value in plausible)
     beyond = max(plausible[0] - one.value, one.value - plausible[1])
@@ -201,5 +215,5 @@ def implausible_text(one: Estimate) -> str:
 
 
 def probability_text(share: float) -> str:
-    """A probability; what is nearly sure is not called sure."""
+    """Return a probability as text that never reads as certainty."""
     return "over 99 %" if share > 0.99 else whole_percent(share)

@@ -1,22 +1,18 @@
-"""A recording as it was understood, as a document: doubts first, columns, runs, and the block that reads it again."""
+"""An imported recording as a document: doubts first, columns, runs, and the block that reads it again."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pliant.errors import UserError
-from pliant.formatting import displayed_in, listed, number, plural, seconds, unit_of
-from pliant.measurements.block import advised, asked, block_text
-from pliant.measurements.columns import unit_of as column_unit
-from pliant.measurements.files import read_measurements
+from pliant.formatting import listed, number, output_unit, plural, seconds
+from pliant.measurements.block import advised, block_text
+from pliant.measurements.columns import column_si_unit as column_unit
 from pliant.measurements.plausible import as_remark
 from pliant.measurements.repeats import repeat_groups
-from pliant.measurements.written_units import units_as_written
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement
@@ -35,10 +31,11 @@ from pliant.report.document import (
     picture,
     section,
 )
-from pliant.tabular.units import conversion, fits
+from pliant.report.recording_charts import MOST_RUNS, recording_chart, recording_loops_chart
+from pliant_tables.units import conversion, fits
 
 RUNS_BRIEF = 12  # of the terminal's table
-ALIKE = 0.01  # sampling rates that differ by less are one
+ALIKE = 0.01  # sampling rates with a smaller difference are equal
 TITLE = "The measurements block"
 
 
@@ -56,7 +53,7 @@ class ReadColumn:
 
 @dataclass(frozen=True)
 class ReadRun:
-    """A run: samples, duration and sampling rate, cycles, what was set, and the run that it repeats."""
+    """A run: samples, duration and sampling rate, cycles, conditions, and the run that it repeats."""
 
     name: str
     samples: int
@@ -90,42 +87,23 @@ RUNS: tuple[Column[ReadRun], ...] = (
 
 
 def _warned(doubt: Doubt) -> Warned:
-    """Rows that were sorted are said first, and are nothing to settle."""
+    """Return a doubt as a warning; sorted rows come first and need no decision."""
     return Warned(as_remark(doubt), rank=Rank.FLOOR if doubt.kind == "order" else Rank.UNIT)
 
 
-def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
-    """A recording without a study, and how it was understood: `pliant import`.
-
-    Args:
-        files: a path, a pattern, a pandas frame, or several, which are runs in their order.
-        notes: keys of a `measurements` block but `file`, before the YAML beside each file.
-
-    Raises:
-        UserError: what cannot be read, or must be asked; the message then ends in the block with the lines to choose.
-    """
-    sources = files if isinstance(files, list | tuple) else [files]
-    named = [str(file) for file in sources if isinstance(file, str | Path)]
-    block = {**({"file": named[0] if len(named) == 1 else named} if named else {}), **notes}
-    try:
-        measurement = read_measurements(files, notes)
-    except UserError as error:
-        raise asked(error, block) from None
-    with displayed_in(units_as_written(measurement)):
-        return measurement, import_document(measurement, block)
-
-
 def import_document(measurement: Measurement, block: Mapping[str, Any]) -> Document:
-    """The document of `pliant import`; its JSON by the keys of docs/import_a_recording.md.
+    """Return the document of `pliant import`; its JSON by the keys of docs/import_a_recording.md.
 
     Args:
-        measurement: what was read.
-        block: the keys of `measurements` that it was read by, `file` first.
+        measurement: the one that was read.
+        block: the keys of `measurements` that were used, `file` first.
     """
     columns, runs = read_columns(measurement), read_runs(measurement)
     doubts = [as_remark(doubt) for doubt in measurement.doubts]
     others = [remark for remark in measurement.remarks if remark not in doubts]
-    said = [column for column in RUNS if any(map(column.of, runs))]  # what no run has needs no column
+    said = [
+        column for column in RUNS if any(map(column.plain_value, runs))
+    ]  # without columns empty in all runs
     text = block_text(block, advised(measurement.remarks))
     sentence = _sentence(measurement, runs)
     more = f"… and {len(runs) - RUNS_BRIEF} more runs." if len(runs) > RUNS_BRIEF else ""
@@ -161,7 +139,7 @@ def import_document(measurement: Measurement, block: Mapping[str, Any]) -> Docum
 
 
 def read_columns(measurement: Measurement) -> list[ReadColumn]:
-    """Each column of numbers that was read, in the order of the file."""
+    """Return each column of numbers that was read, in the order of the file."""
     inputs = list(measurement.runs[0].history.actuation)
     headed = measurement.headed or {name: name for name in (*inputs, *measurement.outputs)}
     every = [_values(run) for run in measurement.runs]
@@ -174,7 +152,7 @@ def read_columns(measurement: Measurement) -> list[ReadColumn]:
         there = values[np.isfinite(values)]
         low, high = (float(there.min()), float(there.max())) if there.size else (np.nan, np.nan)
         unit = measurement.written.get(name, column_unit(name))
-        known = fits(unit, column_unit(name))  # dates and frames are no unit: their range stands in seconds
+        known = fits(unit, column_unit(name))  # dates and frames are no unit: their range is in seconds
         scale, shift = conversion(unit, column_unit(name), heading) if known else (1.0, 0.0)
         written = sorted(((low - shift) / scale, (high - shift) / scale))
         missing = int(values.size - there.size)
@@ -183,14 +161,14 @@ def read_columns(measurement: Measurement) -> list[ReadColumn]:
 
 
 def _values(run: MeasuredRun) -> dict[str, Array]:
-    """All columns of a run by Pliant's names, SI."""
+    """Return all columns of a run by Pliant's names, SI."""
     time = {} if run.history.time_s is None else {"time_s": run.history.time_s}
     sigma = {f"sigma_{name}": values for name, values in run.sigma.items()}
     return {**time, **run.history.signals(), "cycle": run.cycle, **run.outputs, **sigma}
 
 
 def read_runs(measurement: Measurement) -> list[ReadRun]:
-    """Each run in the order of the bench."""
+    """Return each run in the order of recording."""
     names = [run.name for run in measurement.runs]
     first = {k: names[group.runs[0]] for group in repeat_groups(measurement) for k in group.runs[1:]}
     found = []
@@ -212,38 +190,36 @@ def read_runs(measurement: Measurement) -> list[ReadRun]:
 
 
 def _conditions(run: MeasuredRun) -> Iterator[str]:
-    """Loads and conditions that are not the usual ones: "payload 20 g", "temperature 22 to 25 °C"."""
+    """Yield loads and conditions that are not the default ones: "payload 20 g", "temperature 22 to 25 °C"."""
     for name, values in run.history.signals().items():
         usual = REFERENCE_TEMPERATURE_C if name == "temperature_c" else 1.0 if name == "valve_open" else 0.0
         if name in run.history.actuation or not (values != usual).any():
             continue
-        unit = unit_of(name)
+        unit = output_unit(name)
         low, high = (number(end * unit.factor, 3) for end in (values.min(), values.max()))
         yield f"{unit.label} {unit.attached(low if low == high else f'{low} to {high}')}"
 
 
 def _sentence(measurement: Measurement, runs: list[ReadRun]) -> str:
-    """ "2 runs, 122 readings of bend angle over pressure, 25 Hz; 1 doubt"."""
-    outputs = listed(list(dict.fromkeys(unit_of(name).label for name in measurement.outputs)))
-    inputs = listed([unit_of(name).label for name in measurement.runs[0].history.actuation])
+    """Return "2 runs, 122 readings of bend angle over pressure, 25 Hz; 1 doubt"."""
+    outputs = listed(list(dict.fromkeys(output_unit(name).label for name in measurement.outputs)))
+    inputs = listed([output_unit(name).label for name in measurement.runs[0].history.actuation])
     rates = [run.rate_hz for run in runs if run.rate_hz is not None]
     low, high = (min(rates), max(rates)) if rates else (0.0, 0.0)
     rate = number(high, 3) if high - low <= ALIKE * high else f"{number(low, 3)} to {number(high, 3)}"
     clock = f"{rate} Hz" if rates else "without time"
-    doubts = plural(len(measurement.doubts), "doubt") if measurement.doubts else "no doubt"
+    doubts = plural(len(measurement.doubts), "doubt") if measurement.doubts else "nothing doubtful"
     readings = plural(measurement.n_samples, "reading")
     return f"{plural(len(runs), 'run')}, {readings} of {outputs} over {inputs}, {clock}; {doubts}."
 
 
 def _drawn(measurement: Measurement, columns: Table, runs: Table, block: str) -> Drawn:
-    from pliant.report.figures import recording
-
     count = len(measurement.runs)
-    shown = f"the first {recording.MOST_RUNS} of {count} runs" if count > recording.MOST_RUNS else "every run"
+    shown = f"the first {MOST_RUNS} of {count} runs" if count > MOST_RUNS else "every run"
     over_time = picture(
-        "recording", f"Readings and inputs of {shown} over time.", recording.in_time(measurement)
+        "recording", f"Readings and inputs of {shown} over time.", recording_chart(measurement)
     )
-    over_input = picture("loops", f"Readings of {shown} over the input.", recording.loops(measurement))
+    over_input = picture("loops", f"Readings of {shown} over the input.", recording_loops_chart(measurement))
     return drawn(
         over_time,
         section("Columns", columns, open=True),

@@ -1,4 +1,4 @@
-"""The way from a model to a better one as a document: the falling error first, then the numbers."""
+"""The steps from a model to a better one as a document: the falling error first, then the numbers."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.steps import Improvement, Step, change_in_words
 from pliant.evidence.comparison import compare
 from pliant.evidence.excess import Excess
-from pliant.formatting import listed, number, plural, unit_of, whole_percent
+from pliant.formatting import listed, number, output_unit, plural, whole_percent
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.answers import errors_text, improvement_answers
+from pliant.report.comparison_charts import MOST, runs_chart
 from pliant.report.document import (
     Column,
     Document,
@@ -43,7 +44,8 @@ from pliant.report.fitted import (
     parameters_table,
     warned,
 )
-from pliant.report.learned_curve import learned_json
+from pliant.report.improvement_charts import MOST_OUTPUTS, steps_chart
+from pliant.report.learned import learned_json, learned_section
 from pliant.report.posterior import (
     WIDE,
     bands_json,
@@ -54,7 +56,7 @@ from pliant.report.posterior import (
     shares_table,
 )
 
-MOST_IN_A_ROW = 3  # outputs that stand beside each other in eighty characters
+MOST_IN_A_ROW = 3  # outputs that fit next to each other into eighty characters
 Placed = tuple[int, Step]
 NamedFloor = tuple[str, Floor]
 
@@ -71,9 +73,9 @@ STEP_COLUMNS: tuple[Column[Placed], ...] = (
     Column(lambda s: [effect.canonical() for effect in s[1].effects], "effects"),
 )
 FLOOR_COLUMNS: tuple[Column[NamedFloor], ...] = (
-    Column("0", head="output", show=lambda name: unit_of(name).axis),
-    Column("1.value", head="floor", show=3, unit=lambda f: unit_of(f[0])),
-    Column("1.se", head="standard error", show=2, unit=lambda f: unit_of(f[0])),
+    Column("0", head="output", show=lambda name: output_unit(name).axis),
+    Column("1.value", head="floor", show=3, unit=lambda f: output_unit(f[0])),
+    Column("1.se", head="standard error", show=2, unit=lambda f: output_unit(f[0])),
     Column("1.source", head="from"),
 )
 
@@ -81,7 +83,7 @@ FLOOR_COLUMNS: tuple[Column[NamedFloor], ...] = (
 def improvement_document(
     title: str, measurement: Measurement, found: Improvement, registry: Registry, asked: Sequence[str] = ()
 ) -> Document:
-    """The document of `pliant improve`; `asked` are effects that were asked for by name."""
+    """Return the document of `pliant improve`; `asked` are effects requested by name."""
     doubts = [] if found.final is None else doubtful(found.final.uncertainty)
     return Document(
         kind="Pliant: a better model, step by step",
@@ -97,7 +99,7 @@ def improvement_document(
 
 
 def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, Any]:
-    """The keys of docs/extend_and_improve.md."""
+    """Return the keys of docs/extend_and_improve.md."""
     names = [run.name for run in measurement.runs]
     final = found.final
     return {
@@ -119,9 +121,9 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
 
 
 def summary(found: Improvement) -> str:
-    """What came of it, in one sentence."""
+    """Return the outcome in one sentence."""
     first, last = found.steps[0].locked, found.steps[-1].locked
-    on = "runs that were put aside" if found.locked.runs else found.scored_on
+    on = "runs that were held out" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
         judged = np.isfinite(first.over_floor)
         size = f"{number(first.over_floor, 3)} times the noise" if judged else errors_text(first.rmse, {})
@@ -134,7 +136,7 @@ def summary(found: Improvement) -> str:
 
 
 def doubts(found: Improvement) -> list[str]:
-    """Return why what was added is not the whole story: what is left, and values that no such effect has."""
+    """Return doubts that the added effects explain everything: the remaining error, and implausible values."""
     last = found.steps[-1]
     left = Excess(last.locked.over_floor, last.locked_se)
     said = []
@@ -147,7 +149,7 @@ def doubts(found: Improvement) -> list[str]:
 
 
 def causes(found: Improvement) -> str:
-    """Which of the steps a verdict names as the cause, where any is open."""
+    """Return which of the steps a verdict names as the cause, if any cause is open."""
     steps = [step for step in found.steps if step.added and step.learned is None]
     named = [kind for step in steps if step.cause == "named" for kind in step.added]
     unnamed = [kind for step in steps if step.cause != "named" for kind in step.added]
@@ -158,13 +160,13 @@ def causes(found: Improvement) -> str:
 
 
 def origin(found: Improvement, cited: str) -> str:
-    """Where the values of the new study come from."""
-    aside = f"{plural(len(found.locked.runs), 'run')} put aside" if found.locked.runs else "no run put aside"
+    """Return the origin of the values of the new study."""
+    aside = f"{plural(len(found.locked.runs), 'run')} held out" if found.locked.runs else "no run held out"
     return f"fitted to {cited} by 'pliant improve', {aside}"
 
 
 def stands_for(step: Step) -> str:
-    """What the comment beside an effect says more."""
+    """Return an addition to the comment on an effect: its alternatives, or that the cause is open."""
     if not step.stands_for:
         return "; predicts better, the cause is open" if step.cause == "open" else ""
     return f"; stands for one of {', '.join(step.stands_for)}, which these data cannot tell apart"
@@ -188,24 +190,24 @@ def _brief(found: Improvement, measurement: Measurement) -> tuple[Table | str, .
 
 
 def _how_sure(found: Improvement, measurement: Measurement) -> list[str]:
-    """What the data do not see of the last model, and what its band held."""
+    """Return what the data do not determine of the last model, and the coverage of its band."""
     if found.final is None or found.bands is None:
         return []
-    of = "runs that were put aside" if found.locked.runs else "the runs that were fitted"
+    of = "runs that were held out" if found.locked.runs else "the runs that were fitted"
     held = bands_words(*_judged_band(found, measurement), of, found.steps[-1].locked.over_floor)
     return [*posterior_words(found.final), *([held] if held else [])]
 
 
 def _judged_band(found: Improvement, measurement: Measurement) -> tuple[Bands, Measurement]:
-    """The band on the runs put aside; on all where none were."""
+    """Return the band on the held-out runs, or on all runs without these."""
     assert found.bands is not None
     chosen = found.locked.runs or tuple(range(len(measurement.runs)))
     aside = replace(measurement, runs=tuple(measurement.runs[k] for k in chosen))
-    return found.bands.of_runs(chosen), aside
+    return found.bands.select_runs(chosen), aside
 
 
 def _whys(found: Improvement) -> list[str]:
-    """The reason for each step."""
+    """Return the reason for each step."""
     named = (f"+ {step.named}: " if step.added else "" for step in found.steps)
     return [
         f"{place}  {added}{step.why}"
@@ -214,10 +216,10 @@ def _whys(found: Improvement) -> list[str]:
 
 
 def step_columns(found: Improvement) -> tuple[Column[Placed], ...]:
-    """Of the steps: what JSON has of each, its errors on the runs put aside by output, over the noise."""
+    """Return the columns of the steps: those of JSON, and errors on the held-out runs by output, over the noise."""
 
     def error(name: str) -> Column[Placed]:
-        value, unit = (lambda placed: placed[1].locked.rmse.get(name, np.nan)), unit_of(name)
+        value, unit = (lambda placed: placed[1].locked.rmse.get(name, np.nan)), output_unit(name)
         return Column(value, head=f"rms {unit.axis}", brief=unit.label, show=3, unit=lambda _: unit)
 
     ratio: Column[Placed] = Column(
@@ -228,13 +230,13 @@ def step_columns(found: Improvement) -> tuple[Column[Placed], ...]:
 
 
 def steps_brief(found: Improvement) -> Table:
-    """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
+    """Return errors on the held-out runs, a step a row; if these do not fit into a row, a step a column."""
     table, names = (
         brief_table(step_columns(found), list(enumerate(found.steps, start=1))),
         list(found.steps[0].locked.rmse),
     )
     known = {name: floor.value for name, floor in found.floors.items() if floor.value > 0.0}
-    floors = (unit_of(name).text(known[name], 3) if name in known else "–" for name in names)
+    floors = (output_unit(name).text(known[name], 3) if name in known else "–" for name in names)
     head = [f"error on {found.scored_on}", *table.head[1:]]
     rows = [*table.rows, ["noise floor", *floors, "1" if all(name in known for name in names) else "–"]]
     if len(names) > MOST_IN_A_ROW:
@@ -247,17 +249,14 @@ def steps_brief(found: Improvement) -> Table:
 
 
 def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
-    from pliant.report.figures.learning import MOST_OUTPUTS, error_steps
-    from pliant.report.learned import learned_section
-
-    data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
+    data = "runs that were held out before anything was looked at" if found.locked.runs else found.scored_on
     most = f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
     caption = (
         f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
         "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
         f"scatter leaves to no model.{most if len(found.floors) > MOST_OUTPUTS else ''}"
     )
-    hero = Picture("steps", caption, error_steps(found))
+    hero = Picture("steps", caption, steps_chart(found))
     title = "Step by step"
     steps = page_table(title, step_columns(found), list(enumerate(found.steps, start=1)), numeric=2)
     note = "Fitted to the training runs only. Intervals: profile of the error."
@@ -281,9 +280,7 @@ def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
 
 
 def _band_picture(found: Improvement, measurement: Measurement) -> Picture | None:
-    """The band over the runs put aside, of the output that the steps changed most."""
-    from pliant.report.figures.comparison import MOST, runs_chart, runs_in_time
-
+    """Draw the band over the held-out runs, of the output that the steps changed most."""
     if found.bands is None:
         return None
     first, last = found.steps[0].locked.rmse, found.steps[-1].locked.rmse
@@ -294,12 +291,12 @@ def _band_picture(found: Improvement, measurement: Measurement) -> Picture | Non
     centre = found.bands.centre
     shown = Compared(measurement, centre, compare(measurement, centre), found.bands)
     names = [measurement.runs[k].name for k in found.locked.runs] or [run.name for run in measurement.runs]
-    which = "runs that were put aside" if found.locked.runs else "runs that were fitted"
+    which = "runs that were held out" if found.locked.runs else "runs that were fitted"
     cut = f" The first {MOST} of {len(names)}." if len(names) > MOST else ""
     caption = (
-        f"{capital(unit_of(output).label)} in {which}, with the {whole_percent(found.bands.level)} band of what the "
-        "last model would read there: its parameters' posterior, its laws' error bars and the noise of a reading."
+        f"{capital(output_unit(output).label)} in {which}, with the {whole_percent(found.bands.level)} band of what "
+        "the last model would read there: its parameters' posterior, its laws' error bars and the noise of a reading."
         f"{cut}"
     )
     names = names[:MOST]
-    return Picture("bands", caption, runs_in_time(shown, output, names), runs_chart(shown, output, names))
+    return Picture("bands", caption, runs_chart(shown, output, names))

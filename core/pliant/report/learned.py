@@ -1,7 +1,8 @@
-"""A learned term on a page: its curve with its band, or a map with what is not sure of it, and where its data end."""
+"""A learned term: JSON, the section of a page, and its chart, a curve with its band or a map with its uncertainty."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,23 +11,61 @@ from pliant.diagnosis.law_off import LawOff
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import covariate_words, described, quantity
 from pliant.formatting import display_unit, percent, whole_percent
-from pliant.mechanics.learned_curve import basis
+from pliant.mechanics.learned_curve import MARGIN, CurveAxis, basis
+from pliant.records.design import Array
+from pliant.report.chart import (
+    Band,
+    Chart,
+    ChartAxis,
+    ChartCells,
+    ChartLine,
+    ChartNote,
+    ChartRule,
+    Mark,
+    Panel,
+)
+from pliant.report.chart_colours import INK, PAPER, SERIES, SIGNED_COLOURS, SOFT, ColourScale
 from pliant.report.document import Picture, Section, capital
-from pliant.report.figures import style
-from pliant.report.learned_curve import NINETY, LearnedCurve, beyond, curve_of
 
-CELLS = 90
+NINETY = 1.6449  # half-width of a central 90 % band in standard deviations
+POINTS, CELLS = 400, 90
+
+
+def law_error_json(found: LawOff | None) -> dict[str, Any] | None:
+    """Return the law's error, SI; the surface in the form of `learned`."""
+    if found is None:
+        return None
+    plain = {
+        key: getattr(found, key)
+        for key in ("size", "effort", "output", "change", "drive", "actuation", "reading", "share")
+    }
+    return {**plain, "surface": learned_json(found.term)}
+
+
+def learned_json(found: LearnedTerm | None) -> dict[str, Any] | None:
+    """Return the term as a study's block, the reduction of the error on held-out runs, and its certainty."""
+    if found is None:
+        return None
+    return {
+        "effect": found.effect.canonical(),
+        "depends_on": [axis.name for axis in found.form.axes],
+        "acts_on": found.form.acts_on,
+        "rmse_over_floor": {"without": found.before, "with": found.after},
+        "left_out": found.on,
+        "standard_errors": found.sure,
+        "effective_values": found.freedom,
+        "forms_tried": found.tried,
+        "description": capital(described(found)),
+    }
 
 
 def learned_section(found: LearnedTerm | None) -> Section | None:
-    """The curve with its band, and what it says; None without one."""
+    """Return the curve with its band, and its description; None without a term."""
     if found is None:
         return None
-    curve = curve_of(found)
-    one = curve is not None
     caption = (
         "Line and dots: the learned values; band: 90 %. Grey: beyond the data, where the term dies out."
-        if one
+        if len(found.form.axes) == 1
         else "Left: the learned values; right: half the width of their 90 % band. Dashed: where the data end; beyond "
         "it the term dies out."
     )
@@ -35,23 +74,18 @@ def learned_section(found: LearnedTerm | None) -> Section | None:
         f"times with it, a fall of {found.sure:.0f} standard errors; {found.tried} forms were tried, and the smallest "
         "that predicts as well as the best was taken."
     )
-    text = (capital(described(found)), fall)
-    return Section(
-        "A learned term for what no listed effect explains",
-        (Picture("learned", caption, learned_picture(found), None if curve is None else curve.chart),),
-        text=text,
-        open=True,
-    )
+    title = "A learned term for what no listed effect explains"
+    picture = Picture("learned", caption, learned_chart(found))
+    return Section(title, (picture,), text=(capital(described(found)), fall), open=True)
 
 
 def law_section(found: LawOff | None) -> Section | None:
     """Return the law's own error with its band over the data; None without one."""
     if found is None:
         return None
-    curve = curve_of(found.term)
     caption = (
         "Line and dots: what has to be added to the law's moment; band: 90 %. Grey: no data."
-        if curve is not None
+        if len(found.term.form.axes) == 1
         else "Left: what has to be added to the law's moment; right: half the width of its 90 % band. Dashed: where "
         "the data end."
     )
@@ -62,62 +96,115 @@ def law_section(found: LawOff | None) -> Section | None:
         f"On {found.term.on} of the fit the error is {found.term.before:.2f} times the noise with the law as it is "
         f"and {found.term.after:.2f} times with the correction.",
     )
-    picture = Picture(
-        "law_error", caption, learned_picture(found.term), None if curve is None else curve.chart
-    )
+    picture = Picture("law_error", caption, learned_chart(found.term))
     return Section("The error of the law", (picture,), text=text, open=True)
 
 
-def learned_picture(found: LearnedTerm) -> style.Png:
-    """The curve over its covariate, or two maps over two."""
-    if (curve := curve_of(found)) is not None:
-        with style.canvas(1350, 620) as figure:
-            _curve(figure.subplots(), curve)
-            return style.png(figure)
-    with style.canvas(1700, 640) as figure:
-        _maps(figure, found)
-        return style.png(figure)
+def learned_chart(found: LearnedTerm) -> Chart:
+    """Return the curve over its covariate with its band, or over two covariates the values and their uncertainty."""
+    if (curve := covariate_curve(found)) is not None:
+        return Chart((_curve_panel(curve),), cell=(1350, 560))
+    return Chart(_map_panels(found), across=2, cell=(850, 640))
 
 
-def _curve(panel: Any, curve: LearnedCurve) -> None:
-    shown, ends = curve.x, curve.ends
-    for side in ((shown[0], ends[0]), (ends[1], shown[-1])):
-        panel.axvspan(*side, color=style.FAINT, alpha=0.35, lw=0)
-    panel.axhline(0.0, color=style.SOFT, lw=0.9)
-    low, high = curve.value - curve.half, curve.value + curve.half
-    panel.fill_between(shown, low, high, color=style.SERIES[0], alpha=0.22, lw=0)
-    panel.plot(shown, curve.value, color=style.SERIES[0], lw=2.2)
-    panel.plot(curve.knots_x, curve.knots, ls="", marker="o", ms=4, color=style.SERIES[0])
-    for at, anchor in zip(ends, ("right", "left"), strict=True):
-        where = {"xycoords": ("data", "axes fraction"), "ha": anchor, "va": "top", "color": style.SOFT}
-        style.note(panel, "no data", (at, 1.0), (-4 if anchor == "right" else 4, -4), **where)
-    panel.set(xlim=(shown[0], shown[-1]), xlabel=curve.over.text, ylabel=curve.what.text)
-    panel.set_title("What the learned term adds")
+@dataclass(frozen=True, eq=False)
+class LearnedCurve:
+    """A learned curve in display units.
+
+    Attributes:
+        over, what: covariate, and quantity that the term changes, with their display units.
+        x, value, half: (n,) abscissae, values, half-widths of the 90 % band.
+        knots_x, knots: nodes of the term, and its values there.
+        ends: of the data; beyond them the term decays to zero.
+    """
+
+    over: ChartAxis
+    what: ChartAxis
+    x: Array
+    value: Array
+    half: Array
+    knots_x: Array
+    knots: Array
+    ends: tuple[float, float]
 
 
-def _maps(figure: Any, found: LearnedTerm) -> None:
-    first, second = found.form.axes
+def covariate_curve(found: LearnedTerm) -> LearnedCurve | None:
+    """Return the curve over one covariate; None for a term over two."""
+    if len(found.form.axes) != 1:
+        return None
+    (axis,) = found.form.axes
+    label, unit = quantity(found)
+    words = covariate_words(axis, found.drive)
+    x = _around(axis, POINTS)
+    weights = basis(found.form.axes, [x])
+    return LearnedCurve(
+        ChartAxis(words.label, words.symbol),
+        ChartAxis(label, unit.symbol),
+        x * words.factor,
+        weights @ found.value * unit.factor,
+        NINETY * _deviation(found, weights) * unit.factor,
+        np.asarray(axis.at) * words.factor,
+        found.value * unit.factor,
+        (axis.low * words.factor, axis.high * words.factor),
+    )
+
+
+def _curve_panel(curve: LearnedCurve) -> Panel:
+    x, low, high = curve.x, curve.value - curve.half, curve.value + curve.half
+    outside = [
+        Band("no data", np.array(side), np.zeros(2), np.ones(2), colour="#ebedf1", rim=True)
+        for side in ((x[0], curve.ends[0]), (curve.ends[1], x[-1]))
+    ]
+    marks: tuple[Mark, ...] = (
+        *outside,
+        Band("90 % band", x, low, high, colour="#c9dfee"),
+        ChartRule(0.0, SOFT, 0.9),
+        ChartLine("learned term", x, curve.value, "", SERIES[0], 2.2),
+        ChartLine("knots", curve.knots_x, curve.knots, "", SERIES[0], 0.0, 4.0),
+    )
+    over = replace(curve.over, ends=(float(x[0]), float(x[-1])))
+    return Panel(over, curve.what, marks, "What the learned term adds")
+
+
+def _map_panels(found: LearnedTerm) -> tuple[Panel, ...]:
     label, unit = quantity(found)
     words = [covariate_words(axis, found.drive) for axis in found.form.axes]
-    x, y = beyond(first, CELLS), beyond(second, CELLS)
-    at = [v.ravel() for v in np.meshgrid(x, y, indexing="ij")]
-    weights = basis(found.form.axes, at)
+    sides = [_around(axis, CELLS) for axis in found.form.axes]
+    weights = basis(found.form.axes, [v.ravel() for v in np.meshgrid(*sides, indexing="ij")])
     value = (weights @ found.value).reshape(CELLS, CELLS) * unit.factor
-    sd = np.sqrt(np.einsum("tk,kl,tl->t", weights, found.covariance, weights)).reshape(value.shape)
+    band = NINETY * unit.factor * _deviation(found, weights).reshape(CELLS, CELLS)
     reach = float(np.abs(value).max()) or 1.0
-    drawn = (
-        ("What the learned term adds", value, {"cmap": "RdBu_r", "vmin": -reach, "vmax": reach}),
-        ("What is not sure of it: ± of 90 %", NINETY * sd * unit.factor, {"cmap": "Greys", "vmin": 0.0}),
+    x, y = (ChartAxis(one.label, one.symbol) for one in words)
+    edges = [_edges(side * one.factor) for side, one in zip(sides, words, strict=True)]
+    (left, right), (low, high) = (
+        (axis.low * one.factor, axis.high * one.factor)
+        for axis, one in zip(found.form.axes, words, strict=True)
     )
-    for panel, (title, values, look) in zip(figure.subplots(1, 2), drawn, strict=True):
-        mesh = panel.pcolormesh(
-            x * words[0].factor, y * words[1].factor, values.T, shading="gouraud", rasterized=True, **look
-        )
-        low = [axis.low * w.factor for axis, w in zip(found.form.axes, words, strict=True)]
-        high = [axis.high * w.factor for axis, w in zip(found.form.axes, words, strict=True)]
-        corners = ([low[0], high[0], high[0], low[0], low[0]], [low[1], low[1], high[1], high[1], low[1]])
-        panel.plot(*corners, color=style.INK, lw=1.0, ls=(0, (4, 2)))
-        style.note(panel, "data end here", (low[0], high[1]), (2, 4), fontsize=7.5, color=style.INK)
-        panel.grid(visible=False)
-        panel.set(xlabel=words[0].axis, ylabel=words[1].axis, title=title)
-        style.colour_bar(figure, mesh, f"{label} ({unit.symbol})", ax=panel)
+    corners = np.array([left, right, right, left, left]), np.array([low, low, high, high, low])
+    box = ChartLine("ends of the data", *corners, width=1.0, dashed=True)
+    note = ChartNote("data end here", left, high, "right")
+    scales = (
+        ColourScale.even(label, unit.symbol, (-reach, reach), SIGNED_COLOURS),
+        ColourScale.even(label, unit.symbol, (0.0, float(band.max())), (PAPER, SOFT, INK)),
+    )
+    titles = "What the learned term adds", "What is not sure of it: ± of 90 %"
+    return tuple(
+        Panel(x, y, (ChartCells(label, edges[0], edges[1], shown.T), box, note), title, scale=scale)
+        for title, shown, scale in zip(titles, (value, band), scales, strict=True)
+    )
+
+
+def _around(axis: CurveAxis, count: int) -> Array:
+    """Return points over the range and slightly more than the margins in which the curve decays."""
+    more = 1.5 * MARGIN * (axis.high - axis.low)
+    return np.linspace(axis.low - more, axis.high + more, count)
+
+
+def _deviation(found: LearnedTerm, weights: Array) -> Array:
+    return np.sqrt(np.einsum("tk,kl,tl->t", weights, found.covariance, weights))
+
+
+def _edges(middles: Array) -> Array:
+    """Return the edges of cells around evenly spaced middles."""
+    step = middles[1] - middles[0]
+    return np.append(middles - step / 2, middles[-1] + step / 2)

@@ -1,4 +1,4 @@
-"""A meta-model as a document: scores on designs left out, error bars, what to solve next; terminal, page and JSON."""
+"""A meta-model as a document: scores on held-out designs, error bars, what to solve next; terminal, page and JSON."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from pliant.formatting import percent, seconds, units_of_page
+from pliant.formatting import percent, seconds, units_footer
 from pliant.pipeline.meta_model.designs import shown, spoken
 from pliant.pipeline.meta_model.stage import MetaModelStage
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.report.document import Document, Drawn, Table, Warned, answers, brief, brief_table, capital
 from pliant.report.meta_view import SCORES, MetaFitted, coverage_table, next_table, score_rows
 from pliant.report.provenance import made_by, stage_json
 from pliant.report.stage import StoredPage
 
 PAGE = "fit.html"
-FAR = 0.05  # of the range: a worst error beyond this is warned of
+FAR = 0.05  # of the range: a larger worst error gives a warning
 
 
 def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, Any]) -> Document:
-    """The document of `pliant fit` for a meta-model.
+    """Return the document of `pliant fit` for a meta-model.
 
     Args:
         title: the study's name.
-        fitted: the model, then others of the same designs that stand beside it, such as the study's way.
+        fitted: the model, then others of the same designs for a comparison, such as the published form.
         study: inputs to list.
     """
     own, manifests = fitted[0], _manifests(fitted)
@@ -53,16 +53,16 @@ def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, 
         ),
         warnings=limits,
         draw=draw,
-        footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
+        footer=units_footer(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
         page=PAGE,
         version=made_by(manifests),
     )
 
 
 def stored_meta_page(
-    bench: Workbench, document: Document, fitted: Sequence[MetaFitted], study: Mapping[str, Any]
+    bench: RunContext, document: Document, fitted: Sequence[MetaFitted], study: Mapping[str, Any]
 ) -> StoredPage:
-    """What the page of a meta-model depends on; arguments as those of `meta_document`."""
+    """Return the page of a meta-model with the data that it depends on; arguments as those of `meta_document`."""
     config = {
         "title": document.title,
         "study": dict(study),
@@ -79,7 +79,7 @@ def _manifests(fitted: Sequence[MetaFitted]) -> list[Mapping[str, Any]]:
 
 
 def meta_json(stage: MetaModelStage) -> dict[str, Any]:
-    """The `fit` result of a meta-model."""
+    """Return the `fit` result of a meta-model."""
     every, designs = stage.scores["all"], stage.designs
     return {
         "kind": stage.config.kind,
@@ -130,7 +130,7 @@ def _blocks(fitted: Sequence[MetaFitted]) -> tuple[Table | str, ...]:
 
 
 def meta_sentence(fitted: MetaFitted) -> str:
-    """How well laws of unseen designs do."""
+    """Return a sentence on the errors of laws of unseen designs."""
     inner = fitted.stage.scores.get("interior", fitted.stage.scores["all"])
     where = "inside the range" if "interior" in fitted.stage.scores else "left out"
     parts = [
@@ -149,7 +149,7 @@ def meta_sentence(fitted: MetaFitted) -> str:
 
 
 def meta_sure(fitted: MetaFitted) -> str:
-    """What the band of designs left out holds; empty without one."""
+    """Return the coverage of the band on held-out designs; empty without one."""
     band = fitted.stage.coverage.get("all", {}).get("0.9")
     return (
         "" if band is None else f"The 90 % band holds {percent(band, 3)} of the states of designs left out."
@@ -157,7 +157,7 @@ def meta_sure(fitted: MetaFitted) -> str:
 
 
 def meta_warnings(fitted: MetaFitted) -> list[Warned]:
-    """What limits the model."""
+    """Return the limits of the model."""
     found = []
     for place, scores in fitted.stage.scores.items():
         if place != "all" and scores.worst_of_range > FAR:

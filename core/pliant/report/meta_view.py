@@ -1,4 +1,4 @@
-"""A meta-model as sentences, tables and pictures read it: scores on designs left out, bars, learning, cost."""
+"""Quantities of a meta-model for sentences, tables and pictures: held-out scores, bars, learning, cost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import NamedUnit, number, percent, seconds, unit_of
+from pliant.formatting import NamedUnit, number, output_unit, percent, seconds
 from pliant.pipeline.meta_model.cross_validation import AxisScores, LeftOutResiduals, Scores, shares
 from pliant.pipeline.meta_model.designs import spoken
 from pliant.pipeline.meta_model.next_design import Proposal
@@ -30,12 +30,12 @@ TIMED = 5  # designs whose law is timed
 
 @dataclass(frozen=True, eq=False)
 class MetaFitted:
-    """A meta-model with all that its page shows.
+    """A meta-model with the data of its page.
 
     Attributes:
-        stage: the model, and what was found about it.
+        stage: the model with its scores and details.
         learning: of `design_learning_stage`, or None.
-        proposals: designs that should be solved next, where they were asked for.
+        proposals: designs to solve next, if requested.
     """
 
     stage: MetaModelStage
@@ -44,18 +44,18 @@ class MetaFitted:
 
     @property
     def name(self) -> str:
-        """Of the model, where several are compared."""
+        """The model's name, if several are compared."""
         study = getattr(self.stage.config, "form", None) == "study"
-        return f"{self.stage.config.kind}, the study's form" if study else self.stage.config.kind
+        return f"{self.stage.config.kind}, the published form" if study else self.stage.config.kind
 
     @property
     def designs(self) -> SolvedDesigns:
-        """Those that it was fitted to."""
+        """The designs that it was fitted to."""
         return self.stage.designs
 
     @cached_property
     def misses(self) -> LeftOutResiduals:
-        """What laws of designs left out miss."""
+        """The residuals of the laws of held-out designs."""
         return LeftOutResiduals(**self.stage.artifact.value["misses"])
 
     @cached_property
@@ -70,12 +70,12 @@ class MetaFitted:
 
     @property
     def law_s(self) -> float:
-        """Seconds from parameters to a law, measured when a page asks."""
+        """Seconds from parameters to a law, measured on first access."""
         return self._timed[0]
 
     @property
     def per_second(self) -> float:
-        """Evaluations of such a law with slopes, measured when a page asks."""
+        """Evaluations of such a law with slopes per second, measured on first access."""
         return self._timed[1]
 
     @property
@@ -95,7 +95,7 @@ class MetaFitted:
 
     @cached_property
     def worst(self) -> Array:
-        """(n,) worst share of each design when it was left out, over its axes."""
+        """(n,) worst share of each held-out design, over its axes."""
         found = np.full(len(self.designs), np.nan)
         for design in range(len(found)):
             own = np.abs(self.shares[self.misses.design == design])
@@ -104,23 +104,23 @@ class MetaFitted:
 
     @property
     def fem_s(self) -> float:
-        """Solver's seconds behind all designs; 0 where nobody knows."""
+        """Solver's seconds for all designs; 0 if not known."""
         return float(sum(np.nansum(one.wall_s) for one in self.designs.data))
 
     def worst_designs(self, count: int) -> list[int]:
-        """Rows of the designs that are missed most, the worst first."""
+        """Return the rows of the designs with the largest errors, the worst first."""
         order = np.argsort(-np.where(np.isfinite(self.worst), self.worst, -np.inf), kind="stable")
         return [int(i) for i in order[:count]]
 
 
-def law_of_meta_json(details: Mapping[str, Any]) -> dict[str, Any]:
-    """What the `fit` result of a law says more where a meta-model gave it."""
+def meta_law_json(details: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the additional keys of a law's `fit` result if it comes from a meta-model."""
     names = ("meta_model", "design", "inside", "n_designs", "scores", "coverage")
     return {name: details[name] for name in names}
 
 
-def law_of_meta_lines(report: FitReport) -> list[str]:
-    """A law that a meta-model gave, for the terminal."""
+def meta_law_lines(report: FitReport) -> list[str]:
+    """Return the lines on a law of a meta-model, for the terminal."""
     details = report.details
     lines = [
         f"law      of an unseen design, {spoken(details['design'])}, by meta-model '{details['meta_model']}' of "
@@ -136,8 +136,8 @@ def law_of_meta_lines(report: FitReport) -> list[str]:
 
 
 def parameter_unit(name: str) -> NamedUnit:
-    """A parameter as people read it, with its unit: ``average_radius_m`` → average radius, mm."""
-    return unit_of(name.removeprefix("material."))
+    """Return a parameter's label and display unit: ``average_radius_m`` → average radius, mm."""
+    return output_unit(name.removeprefix("material."))
 
 
 PUBLISHED = (
@@ -154,12 +154,12 @@ WORTH = {
 
 
 def share_text(share: float) -> str:
-    """A share in percent, three digits."""
+    """Return a share in percent, three digits."""
     return percent(share, 3)
 
 
 class ScoreRow(NamedTuple):
-    """Scores of one axis of a group of designs; `first` where it is the group's first row."""
+    """Scores of one axis of a group of designs; `first` for the group's first row."""
 
     label: str
     scores: Scores
@@ -190,7 +190,7 @@ SCORES: tuple[Column[ScoreRow], ...] = (
 
 
 def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
-    """Torque and free angle on designs left out, interior and border apart, one block for each model."""
+    """Return torque and free angle on held-out designs, interior and border apart, one block for each model."""
     rows = []
     for one in fitted:
         for place, scores in one.stage.scores.items():
@@ -202,13 +202,13 @@ def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
 
 
 def _parameters(fitted: MetaFitted, values: Iterable[float]) -> list[str]:
-    """Cells of a design's parameters, in their display units."""
+    """Return the cells of a design's parameters, in their display units."""
     units = map(parameter_unit, fitted.designs.names)
     return [number(float(v) * unit.factor, 4) for v, unit in zip(values, units, strict=True)]
 
 
 def worst_table(fitted: MetaFitted) -> Table:
-    """The designs that are missed most."""
+    """Return the designs with the largest errors."""
     rows = [
         [
             percent(float(fitted.worst[design]), 3),
@@ -222,7 +222,7 @@ def worst_table(fitted: MetaFitted) -> Table:
 
 
 def coverage_table(fitted: MetaFitted) -> Table:
-    """What the bars hold."""
+    """Return the coverage of the bars."""
     levels = list(dict.fromkeys(level for found in fitted.stage.coverage.values() for level in found))
     rows = [
         [place, *(percent(found[level], 3) if level in found else "–" for level in levels)]
@@ -245,7 +245,7 @@ LEARNING: tuple[Column[Mapping[str, Any]], ...] = (
 
 
 def learning_table(learning: Mapping[str, Any]) -> Table:
-    """Errors by number of designs."""
+    """Return errors by number of designs."""
     count, inside = len(learning["test"]), len(learning["interior"])
     note = (
         f"Shares of each design's range at {count} designs that no fit saw, {inside} of them inside the range. "
@@ -258,7 +258,7 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
 
 
 def next_table(fitted: MetaFitted) -> Table | None:
-    """Designs that should be solved next; None where nobody asked."""
+    """Return the designs to solve next; None if not requested."""
     rows = [
         [str(count), *_parameters(fitted, one.values), percent(one.gain, 3)]
         for count, one in enumerate(fitted.proposals, start=1)
@@ -269,7 +269,7 @@ def next_table(fitted: MetaFitted) -> Table | None:
 
 
 def cost_table(fitted: MetaFitted) -> Table:
-    """FEM against model, per design."""
+    """Return the cost of FEM and of the model, per design."""
     n, stage, each = len(fitted.designs), fitted.stage, fitted.fem_s / len(fitted.designs)
     states = sum(len(one) for one in fitted.designs.data)
     values: dict[str, str | None] = {
@@ -293,7 +293,7 @@ def cost_table(fitted: MetaFitted) -> Table:
 
 
 def settings_table(fitted: MetaFitted) -> Table | None:
-    """What the fit tells in one word or number."""
+    """Return every detail of the fit that is one word or number."""
     values = {words(name): short_text(value) for name, value in fitted.stage.details.items()}
     return named_values("What the fit tells", values) if any(values.values()) else None
 

@@ -1,4 +1,4 @@
-"""The runs to do next as a document: after a measurement that did not decide, or before anything is measured."""
+"""The next runs as a document: after a measurement that did not decide, or before anything is measured."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, plural, whole_percent
 from pliant.records.measurement import Measurement
-from pliant.records.remark import Rank
+from pliant.records.remark import Rank, Remark
+from pliant.registry.discovery import Registry
 from pliant.report.document import Column, Document, Table, as_json, brief_table
-from pliant.report.fitted import caveat, next_run_json
+from pliant.report.fitted import caveat, next_run_json, package_warnings
 
 KIND = "Pliant: what to measure next"
 MOST_RANKED = 6
@@ -44,17 +45,19 @@ def plan_document(
     found: Diagnosis,
     chosen: Sequence[NextRun],
     files: Sequence[str],
+    registry: Registry,
     remark: str = "",
 ) -> Document:
-    """The runs that decide between what a diagnosis leaves.
+    """Return the document of the runs that decide between the remaining hypotheses of a diagnosis.
 
     Args:
         title: the study's name.
-        measurement: what was diagnosed.
-        found: what came of it.
+        measurement: the diagnosed one.
+        found: its diagnosis.
         chosen: the runs, the best first.
         files: their protocol files.
-        remark: why none was chosen although several explanations are left.
+        registry: the plugins, whose effects may have been left out.
+        remark: the reason if none was chosen although several explanations remain.
     """
     lines: list[Table | str] = [found.judgement.sentence]
     if chosen:
@@ -80,12 +83,15 @@ def plan_document(
             "remarks": [*found.remarks, *([remark] if remark else [])],
         },
         brief=tuple(lines),
-        warnings=tuple(one for one in map(caveat, found.remarks) if one.rank == Rank.UNIT),
+        warnings=(
+            *(one for one in map(caveat, found.remarks) if one.rank == Rank.UNIT),
+            *package_warnings(registry, found.remarks),
+        ),
     )
 
 
-def design_document(title: str, found: RunDesign, files: Sequence[str]) -> Document:
-    """The fewest runs that tell effects apart, before anything is measured; `files` are their protocol files."""
+def design_document(title: str, found: RunDesign, files: Sequence[str], registry: Registry) -> Document:
+    """Return the fewest runs that distinguish effects, before any measurement; `files` are their protocol files."""
     lines: list[Table | str] = [_signals(found)] if found.chosen else []
     for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
         run = found.runs[k]
@@ -108,11 +114,15 @@ def design_document(title: str, found: RunDesign, files: Sequence[str]) -> Docum
         )
         if found.chosen
         else (),
+        warnings=package_warnings(
+            registry,
+            [Remark(f"'{kind}' was left out: {why}", left_out=kind) for kind, why in found.not_tried.items()],
+        ),
     )
 
 
 def design_json(found: RunDesign, files: Sequence[str]) -> dict[str, Any]:
-    """The keys of docs/plan_the_next_experiment.md without data."""
+    """Return the keys of docs/plan_the_next_experiment.md without data."""
     menu = [
         {**as_json(RUN_COLUMNS, run), "snr": {kind: values[k] for kind, values in found.snr.items()}}
         for k, run in enumerate(found.runs)
@@ -132,7 +142,7 @@ def design_json(found: RunDesign, files: Sequence[str]) -> dict[str, Any]:
 
 
 def _signals(found: RunDesign) -> Table:
-    """Effects × chosen runs: change over the noise at the end of the plausible range."""
+    """Return effects × chosen runs: change over the noise at the end of the plausible range."""
     head = ["change / noise", *(f"run {number}" for number in range(1, len(found.chosen) + 1))]
     rows = [[kind, *(f"{values[k]:.1f}" for k in found.chosen)] for kind, values in sorted(found.snr.items())]
     return Table("", head, rows)

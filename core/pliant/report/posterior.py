@@ -1,4 +1,4 @@
-"""A posterior and its bands in documents: what the prediction depends on, what the data do not see, what bands hold."""
+"""A posterior and its bands in documents: shares of variance, unidentifiable directions, coverage."""
 
 from __future__ import annotations
 
@@ -9,33 +9,36 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.bands import Bands
-from pliant.diagnosis.blind import blind_directions
+from pliant.diagnosis.blind import unidentifiable_directions
 from pliant.diagnosis.exploration import ENOUGH, FACTOR, OFF, Share, leaning
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.posterior import Posterior
-from pliant.formatting import listed, number, unit_of, whole_percent
+from pliant.formatting import listed, number, output_unit, whole_percent
 from pliant.records.measurement import Measurement
 from pliant.report.document import Column, Table, brief_table, page_table
 from pliant.units import si_unit
 
 OUTPUTS_SHOWN = 3
-WIDE = 1.5  # times the noise: an error that widens a band until it holds anything
+WIDE = 1.5  # times the noise: a larger error widens the band until it covers any reading
+# Deviation of a share from one over the number of parameters below which all are alike: in any fit of identifiable
+# parameters each takes the same part of the variance that the noise leaves, Σ of the leverages.
+ALIKE = 0.05
 Shared = tuple[str, Mapping[str, Share]]  # a parameter, and its shares by output
 
 
 def posterior_json(posterior: Posterior) -> dict[str, Any]:
-    """The distribution, and what the data do not see of it: keys of docs/extend_and_improve.md; numbers SI."""
+    """Return the distribution and its unidentifiable directions: keys of docs/extend_and_improve.md; numbers SI."""
     return {
         "parameters": list(posterior.names),
         "values": posterior.values,
         "sd": posterior.sd,
         "correlation": posterior.correlation,
-        "unseen": [asdict(one) for one in blind_directions(posterior)],
+        "unseen": [asdict(one) for one in unidentifiable_directions(posterior)],
     }
 
 
 def fitted_posterior_json(found: Extension) -> dict[str, Any]:
-    """The same with what draws of it read."""
+    """Return the same with the spread of the outputs over draws of it."""
     exploration = found.exploration
     if exploration is None:
         return posterior_json(found.posterior)
@@ -57,7 +60,7 @@ def fitted_posterior_json(found: Extension) -> dict[str, Any]:
 
 
 def bands_json(found: Bands, measurement: Measurement) -> dict[str, Any]:
-    """What the band at its level held of a measurement's readings."""
+    """Return the coverage of the band at its level on a measurement's readings."""
     held, half = found.held(measurement), found.half_width()
     outputs = {
         name: {"half_width": half[name], "unit": si_unit(name), "held": held.get(name)} for name in half
@@ -66,18 +69,27 @@ def bands_json(found: Bands, measurement: Measurement) -> dict[str, Any]:
 
 
 def unseen_words(posterior: Posterior) -> list[str]:
-    """What the data do not see, in sentences."""
-    return [one.words for one in blind_directions(posterior)]
+    """Return the directions that the data do not determine, in sentences."""
+    return [one.words for one in unidentifiable_directions(posterior)]
 
 
 def posterior_words(found: Extension) -> list[str]:
-    """The same, and whether the bars are rough."""
+    """Return the same, whether the bars are rough, and whether all parameters contribute alike to the prediction."""
     rough = "" if found.normal is not False else f"The bars are approximate: {_unlike(found)}."
-    return [*unseen_words(found.posterior), *([rough] if rough else [])]
+    shares = found.exploration.shares if found.exploration is not None else {}
+    alike = shares and len(found.posterior.names) > 1 and all(map(_alike, shares.values()))
+    equal = "The parameters are known apart: the doubt of the prediction comes from all of them alike."
+    return [*unseen_words(found.posterior), *([rough] if rough else []), *([equal] if alike else [])]
+
+
+def _alike(shares: Mapping[str, Share]) -> bool:
+    """Return whether all parameters have the same shares, as in any fit of identifiable parameters."""
+    equal = 1.0 / len(shares)
+    return all(abs(value - equal) <= ALIKE for one in shares.values() for value in (one.first, one.total))
 
 
 def _unlike(found: Extension) -> str:
-    """In what the posterior is unlike a normal distribution."""
+    """Return in what the posterior differs from a normal distribution."""
     exploration, side = found.exploration, leaning(found.posterior, found.uncertainty)
     hold = "the 90 % intervals are profiles, which follow that"
     if side is not None:
@@ -99,15 +111,15 @@ def _unlike(found: Extension) -> str:
 
 
 def bands_words(found: Bands, measurement: Measurement, of: str, over_floor: float = np.nan) -> str:
-    """Return how many readings lie within the band; an empty text where no output has one.
+    """Return how many readings are within the band; an empty text where no output has one.
 
-    `over_floor`: the error over its noise. Where it is clearly above it, the band is as wide as the misfit and holds
-    the readings whatever the model: that is said.
+    `over_floor`: the error over its noise. Clearly above 1 the band is as wide as the misfit and covers the readings of
+    any model, which the text states.
     """
     held = found.held(measurement)
     if not held:
         return ""
-    texts = [f"{whole_percent(share)} ({unit_of(name).label})" for name, share in held.items()]
+    texts = [f"{whole_percent(share)} ({output_unit(name).label})" for name, share in held.items()]
     more = f", {len(texts) - OUTPUTS_SHOWN} more outputs in the report" if len(texts) > OUTPUTS_SHOWN else ""
     shown = listed(texts[:OUTPUTS_SHOWN])
     band = f"The {whole_percent(found.level)} band"
@@ -120,13 +132,16 @@ def bands_words(found: Bands, measurement: Measurement, of: str, over_floor: flo
 
 
 def shares_brief(found: Extension) -> Table | None:
-    """What the prediction depends on, for the terminal; None with one parameter, or where none moves a reading."""
+    """Return each parameter's share of the prediction's variance, for the terminal.
+
+    None with one parameter, if none moves a reading, or if all move them alike.
+    """
     columns, rows = _shares(found)
     return brief_table(columns, rows) if columns else None
 
 
 def shares_table(found: Extension) -> Table | None:
-    """The same for the page."""
+    """Return the same for the page."""
     columns, rows = _shares(found)
     note = (
         "Of the variance that the parameters' uncertainty gives the prediction of these runs: alone, what would go "
@@ -145,7 +160,10 @@ def _shares(found: Extension) -> tuple[tuple[Column[Shared], ...], Sequence[Shar
     def above(name: str) -> float:
         return -exploration.spread.get(name, 0.0) / max(found.scatter[name].left, 1e-300)
 
-    outputs = sorted(exploration.shares, key=above)[:OUTPUTS_SHOWN]
+    telling = [name for name, shares in exploration.shares.items() if not _alike(shares)]
+    if not telling:
+        return (), ()
+    outputs = sorted(telling, key=above)[:OUTPUTS_SHOWN]
     rows = [
         (name, {output: exploration.shares[output][name] for output in outputs})
         for name in found.posterior.names
@@ -158,7 +176,7 @@ def _shares(found: Extension) -> tuple[tuple[Column[Shared], ...], Sequence[Shar
                 return float(getattr(row[1][output], part))
 
             first = output == outputs[0]
-            label = unit_of(output).label
+            label = output_unit(output).label
             columns.append(
                 Column(share, head=f"{label}, {head}", brief=head if first else "", show=whole_percent)
             )

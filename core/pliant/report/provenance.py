@@ -1,4 +1,4 @@
-"""What every page ends with: the study's inputs, and where each artifact came from."""
+"""The end of every page: the study's inputs, and the provenance of each artifact."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant import __version__
-from pliant.formatting import Unit, number, seconds, unit_of_field
+from pliant.formatting import Unit, field_stem_and_unit, number, seconds
 from pliant.report.document import Cells, Section, Table
 from pliant.store.store import Artifact
 
@@ -16,7 +16,7 @@ Manifests = Sequence[Mapping[str, Any]]
 
 
 def closing_sections(study: Mapping[str, Any], manifests: Manifests) -> list[Section]:
-    """Inputs, then provenance where there is any."""
+    """Return inputs, then provenance if there is any."""
     sections = [Section("Inputs", tables=(input_table(study),))]
     if manifests:
         sections.append(Section("Provenance", tables=(provenance_table(manifests),)))
@@ -24,7 +24,7 @@ def closing_sections(study: Mapping[str, Any], manifests: Manifests) -> list[Sec
 
 
 def input_table(study: Mapping[str, Any]) -> Table:
-    """The study with all defaults, in readable units, one row per block."""
+    """Return the study with all defaults, in readable units, one row per block."""
     rows: list[Cells] = []
     for key, value in study.items():
         for block in value if isinstance(value, list) else [value]:
@@ -35,10 +35,12 @@ def input_table(study: Mapping[str, Any]) -> Table:
 
 
 def provenance_table(manifests: Manifests) -> Table:
-    """Stage, key, time, code and versions of every artifact."""
+    """Return stage, key, time, code and versions of every artifact."""
     rows = []
     for m in manifests:
         libraries = {**m.get("libraries", {}), **m.get("versions", {})}
+        packages = dict.fromkeys(str(plugin.get("package", "")) for plugin in m.get("plugins", ()))
+        foreign = [package for package in packages if package and package.partition(" ")[0] != "pliant"]
         rows.append(
             [
                 stage_name(m),
@@ -47,7 +49,7 @@ def provenance_table(manifests: Manifests) -> Table:
                 seconds(float(m["wall_s"])),
                 str(m.get("code", ""))[:12],
                 f"pliant {m.get('pliant', '?')}, Python {m.get('python', '?')}, "
-                + ", ".join(f"{name} {version}" for name, version in libraries.items()),
+                + ", ".join([*foreign, *(f"{name} {version}" for name, version in libraries.items())]),
                 str(m.get("platform", "")),
             ]
         )
@@ -57,19 +59,19 @@ def provenance_table(manifests: Manifests) -> Table:
 
 
 def made_by(manifests: Manifests) -> str:
-    """The version of Pliant that made the first artifact; this one where there is none."""
+    """Return the version of Pliant that made the first artifact; this one without artifacts."""
     return str(manifests[0].get("pliant", __version__)) if manifests else __version__
 
 
 def stage_name(manifest: Mapping[str, Any]) -> str:
-    """The stage, with its engine where it has one."""
+    """Return the stage, with its engine if it has one."""
     physics = (manifest.get("config") or {}).get("physics") or {}
     kind = f" ({physics['kind']})" if "kind" in physics else ""
     return f"{manifest.get('stage', '?')}{kind}"
 
 
 def stage_json(artifact: Artifact) -> dict[str, Any]:
-    """Where a result came from, as JSON has it."""
+    """Return the provenance of a result, for JSON."""
     manifest = artifact.manifest
     return {
         "stage": manifest["stage"],
@@ -80,25 +82,25 @@ def stage_json(artifact: Artifact) -> dict[str, Any]:
 
 
 def duration(artifact: Artifact, wall_s: float | None = None) -> str:
-    """Time of the stage, or of the part of it that is given, and whether it came from the store."""
+    """Return the time of the stage, or of the given part of it, and whether it came from the store."""
     text = seconds(float(artifact.manifest["wall_s"] if wall_s is None else wall_s))
     return f"{text}, from the store" if artifact.cached else text
 
 
 def words(name: str) -> str:
-    """A key as words."""
+    """Return a key as words."""
     return name.replace("_", " ")
 
 
 def plain(value: Any) -> str:
-    """A value without a unit, lists in brackets."""
+    """Return a value without a unit, lists in brackets."""
     if isinstance(value, list | tuple):
         return "[" + ", ".join(plain(v) for v in value) + "]"
     return number(value, 5) if isinstance(value, int | float) else str(value)
 
 
 def nested(value: Any, leaf: Callable[[Any], str]) -> str:
-    """Lists and named values as one text, each value as `leaf` writes it."""
+    """Return lists and named values as one text, each value written by `leaf`."""
     if isinstance(value, list | tuple):
         return ", ".join(nested(item, leaf) for item in value)
     if isinstance(value, Mapping):
@@ -107,7 +109,7 @@ def nested(value: Any, leaf: Callable[[Any], str]) -> str:
 
 
 def short_text(value: Any) -> str:
-    """A value in a few words; empty where it is no single one, a short list or a few named numbers."""
+    """Return a value in a few words; empty for more than one value, a short list or a few named numbers."""
     if isinstance(value, bool | float | int):
         return number(value, 3)
     if isinstance(value, str):
@@ -120,7 +122,7 @@ def short_text(value: Any) -> str:
 
 
 def _inputs(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Names and texts of a block's values; what is not set is left out."""
+    """Yield names and texts of a block's values, without unset ones."""
     if value is None or value == [] or value == {}:
         return
     if isinstance(value, Mapping) and key != "coefficients":
@@ -130,14 +132,14 @@ def _inputs(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
         for count, item in enumerate(value):
             yield from _inputs(item, f"{key} {count + 1}".strip())
     else:
-        label, unit = unit_of_field(key)
+        label, unit = field_stem_and_unit(key)
         yield ("" if key == "kind" else words(label)), _quantity(value, unit)
 
 
 def _quantity(value: Any, unit: Unit) -> str:
     if isinstance(value, bool):
         return number(value)
-    if isinstance(value, str):  # a report is the same wherever its files lie, and tells nobody's folders
+    if isinstance(value, str):  # a report neither depends on nor reveals the folders of its files
         return Path(value).name if os.path.isabs(value) else value  # noqa: PTH117 - a text
     if isinstance(value, Mapping):
         return "; ".join(f"{k} = {plain(v)}" for k, v in value.items())

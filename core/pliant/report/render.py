@@ -10,9 +10,9 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from pliant.formatting import displayed_in, units_of_page
+from pliant.formatting import displayed_in, units_footer
 from pliant.report.document import Document, Drawn, Page, Picture, Table, Warned
-from pliant.user_text import visible
+from pliant.user_text import escape_controls
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -24,9 +24,9 @@ SETTLE_FIRST = "Something in the file looks wrong (first note): settle that firs
 
 
 def terminal(document: Document, has_page: bool = False) -> Iterator[RichTable | str]:
-    """Everything that a terminal prints, in its order: unit doubts, tables and lines, notes, the sentence.
+    """Yield everything that a terminal prints, in order: unit doubts, tables and lines, notes, the sentence.
 
-    `has_page`: a page has all notes, so that the terminal shows the gravest ones and counts the rest.
+    `has_page`: a page has all notes, so the terminal shows the gravest ones and counts the rest.
     """
     unfolded = [warned for warned in document.ranked if not warned.folded]
     shown = unfolded[:MOST_NOTES] if has_page else unfolded
@@ -55,28 +55,30 @@ def _note(warned: Warned) -> Iterator[str]:
 
 
 def rich_table(table: Table) -> RichTable:
-    """A table of the terminal: the first column may be cut, the others stand right-aligned."""
-    from rich.table import Table as RichTable  # a page needs none
+    """Return a table of the terminal: words wrap where space is short, numbers are not wrapped and right-aligned."""
+    from rich.table import Table as RichTable  # needed only on a terminal
 
     made = RichTable(box=None, pad_edge=False, header_style="bold")
     for number, head in enumerate(table.head):
         if number < table.numeric:
-            made.add_column(head, no_wrap=True, overflow="ellipsis")
+            made.add_column(head, overflow="fold")
         else:
-            made.add_column(head, justify="right", no_wrap=True, min_width=max(len(head), 6))
+            widest = max((len(row[number]) for row in table.rows), default=0)
+            made.add_column(head, justify="right", no_wrap=True, min_width=max(len(head), widest, 6))
     for row in table.rows:
         made.add_row(*row)
     return made
 
 
 def page(document: Document) -> Page:
-    """The document as one self-contained HTML page: no network, pictures inside, readable without its scripts.
+    """Return the document as one self-contained HTML page: no network, pictures inside, readable without its scripts.
 
     The same document gives the same bytes. Every text is escaped.
     """
     with displayed_in(document.units):
         drawn = document.draw()
-        footer = document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up"
+        stills = {picture.name: picture.png for picture in _pictures(drawn)}
+        footer = document.footer or units_footer(lengths="m", pressures="Pa") + ", world frame with z up"
     html = page_template().render(
         kind=document.kind,
         title=document.title,
@@ -95,7 +97,7 @@ def page(document: Document) -> Page:
             any(picture.scene is not None for picture in _pictures(drawn)),
         ),
     )
-    return Page(visible(html), {picture.name: picture.png for picture in _pictures(drawn)})
+    return Page(escape_controls(html), stills)
 
 
 def _pictures(drawn: Drawn) -> list[Picture]:
@@ -105,7 +107,7 @@ def _pictures(drawn: Drawn) -> list[Picture]:
 
 @dataclass(frozen=True)
 class Moving:
-    """Style and code of what a reader can move on a page: text of ours, never of a user's."""
+    """Style and code of the interactive parts of a page: our text, never a user's."""
 
     style: Markup
     code: tuple[Markup, ...]
@@ -113,10 +115,11 @@ class Moving:
 
 @cache
 def moving(charts: bool = True, scenes: bool = True) -> Moving:
-    """For tables alone, or for `scenes` and `charts` too; axes of charts are uPlot's (MIT), the app's own copy."""
-    from markupsafe import Markup  # jinja's own
+    """Return the code for tables, `scenes` and `charts`; axes of charts are uPlot's (MIT)."""
+    from markupsafe import Markup  # jinja's own type
 
-    templates, vendor = files("pliant.report") / "templates", files("pliant.app") / "static" / "vendor"
+    templates = files("pliant.report") / "templates"
+    vendor = templates / "vendor"
     code, style = [templates / "tables.js"], [templates / "moving.css"]
     if scenes:
         code = [templates / "scene.js", *code]
@@ -129,17 +132,17 @@ def moving(charts: bool = True, scenes: bool = True) -> Moving:
 
 
 def script_hashes() -> tuple[str, ...]:
-    """Sources of a content security policy that allow the scripts of our pages and no other: ``'sha256-…'``."""
+    """Return the content security policy sources that allow only the scripts of our pages: ``'sha256-…'``."""
     digests = (hashlib.sha256(code.encode("utf-8")).digest() for code in moving().code)
     return tuple(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
 
 
 def fragment(document: Document) -> str:
-    """The document as a short piece of HTML for a notebook's cell: sentence, first tables, what limits the result.
+    """Return the document as a short piece of HTML for a notebook's cell: sentence, first tables, limits of the result.
 
     Points and warnings are folded. Every text is escaped.
     """
-    return visible(
+    return escape_controls(
         page_template("fragment.html.j2").render(
             document=document,
             tables=[block for block in document.brief if isinstance(block, Table)],
@@ -149,7 +152,7 @@ def fragment(document: Document) -> str:
 
 @cache
 def page_template(name: str = "report.html.j2") -> Any:
-    """A compiled template, a data file beside the code, which the code fingerprint of this room holds."""
+    """Return a compiled template, a data file in this package and so part of its code fingerprint."""
     import jinja2
 
     environment = jinja2.Environment(

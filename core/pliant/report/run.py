@@ -1,4 +1,4 @@
-"""A run as a document: what the engines came to, how well the law fits; shared by `run`, `simulate` and `report`."""
+"""A run as a document: results of the engines, errors of the law; shared by `run`, `simulate` and `report`."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from pliant.formatting import (
     effort_unit,
     fixed,
     number,
+    output_unit,
     percent,
     small_length,
     stem_and_unit,
     unbroken,
-    unit_of,
 )
+from pliant.pipeline.run_folder import DesignResult, EngineResult, FinishedRun, finished, table_name
 from pliant.pipeline.study import EngineRun, StudyRun, law_components
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.report.document import Document, Drawn, Warned, answers, capital
 from pliant.report.fem import fem_json, fem_lines
-from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
+from pliant.report.fem_view import LISTED, data_warnings, truncation_note
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
-from pliant.report.folder import DesignResult, EngineResult, FinishedRun, finished, table_name
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.run_view import (
     actuation_text,
@@ -39,11 +39,12 @@ from pliant.report.run_view import (
     payload_kg,
     spread_sentence,
 )
+from pliant.report.self_check import defaults_json, defaults_lines
 from pliant.report.stage import StoredPage
 
 
 def run_document(run: FinishedRun, lines: Sequence[str] = ()) -> Document:
-    """The document of a run; `lines` are what a terminal prints before its sentence."""
+    """Return the document of a run; `lines` are printed on a terminal before its sentence."""
 
     def draw() -> Drawn:
         from pliant.report.run_page import run_drawn  # matplotlib takes a second to import
@@ -64,10 +65,10 @@ def run_document(run: FinishedRun, lines: Sequence[str] = ()) -> Document:
 
 
 def simulation_document(done: StudyRun) -> Document:
-    """The document of `pliant simulate`: its first engine, with what the task measures."""
+    """Return the document of `pliant simulate`: its first engine, with the task's metrics."""
     engine = done.engines[0]
     data = simulation_json(engine)
-    data |= {**_uncertainty_json(done), "remarks": list(done.remarks)}
+    data |= {**_uncertainty_json(done), **_checks_json(done), "remarks": list(done.remarks)}
     metrics: list[str] = []
     if engine.result is not None:
         nowhere = _no_state(engine.result)
@@ -77,19 +78,24 @@ def simulation_document(done: StudyRun) -> Document:
     return run_document(finished(done, data), [*engine_lines(done), *metrics])
 
 
-def stored_run_page(bench: Workbench, done: StudyRun, run: FinishedRun) -> StoredPage:
-    """What the page of a run depends on."""
+def stored_run_page(bench: RunContext, done: StudyRun, run: FinishedRun) -> StoredPage:
+    """Return the page of a run with the data that it depends on."""
     return StoredPage(
         bench,
         run.provenance,
         law_components(bench, done.designs),
         "pliant.report.run_page",
-        {"study": done.study.canonical(), "skipped": [engine.skipped for engine in done.engines]},
+        {
+            "study": done.study.canonical(),
+            "skipped": [engine.skipped for engine in done.engines],
+            "remarks": list(done.remarks),
+            **_checks_json(done),
+        },
     )
 
 
 def run_json(done: StudyRun, folder: Path) -> dict[str, Any]:
-    """The `run` result of docs/command_line.md."""
+    """Return the `run` result of docs/command_line.md."""
     result: dict[str, Any] = {"study": done.study.name, "out": str(folder)}
     artifacts = [d.fem for d in done.designs if d.fem is not None]
     if artifacts:
@@ -103,19 +109,24 @@ def run_json(done: StudyRun, folder: Path) -> dict[str, Any]:
         markers = [e.result.final.markers_m for e in done.engines if e.result is not None]
         apart = [float(np.linalg.norm(m - markers[0], axis=1).max()) for m in markers[1:]]
         result["largest_marker_distance_m"] = max(apart, default=None)
-    result |= _uncertainty_json(done)
+    result |= {**_uncertainty_json(done), **_checks_json(done)}
     result |= {"unused": list(done.unused), "remarks": list(done.remarks)}
     return result
 
 
 def _uncertainty_json(done: StudyRun) -> dict[str, Any]:
-    """What runs with drawn laws came to, where the study asks for them."""
+    """Return the results of runs with drawn laws, if the study requests them."""
     made = done.uncertainty
     return {} if made is None else {"uncertainty": {**made.value, "stages": [stage_json(made)]}}
 
 
+def _checks_json(done: StudyRun) -> dict[str, Any]:
+    """Return the defaults on which the answer depends, if they were examined."""
+    return {} if done.checked is None else defaults_json(done.checked)
+
+
 def simulation_json(engine: EngineRun) -> dict[str, Any]:
-    """The `simulate` result of one engine."""
+    """Return the `simulate` result of one engine."""
     if engine.artifact is None:
         return {"kind": engine.kind, "skipped": engine.skipped}
     result: TaskResult = engine.artifact.value
@@ -139,7 +150,7 @@ def simulation_json(engine: EngineRun) -> dict[str, Any]:
 
 
 def run_lines(done: StudyRun) -> list[str]:
-    """Data, laws and engines of a run, for the terminal."""
+    """Return data, laws and engines of a run, for the terminal."""
     lines = []
     for design in done.designs:
         lines += fem_lines([design.fem]) if design.fem else []
@@ -148,23 +159,23 @@ def run_lines(done: StudyRun) -> list[str]:
 
 
 def engine_lines(done: StudyRun) -> list[str]:
-    """Where each engine settled, and how sure the tip is, for the terminal."""
+    """Return the settled tip of each engine and its uncertainty, for the terminal."""
     unit = effort_unit(done.chain.laws[0]) if done.chain is not None else display_unit("N*m")
     lines = [_engine_line(engine, unit) for engine in done.engines]
     first = done.engines[0].kind if done.engines else ""
     if done.uncertainty is not None:
         text = spread_sentence(done.uncertainty.value, first).rstrip(".")
         lines.append(f"error bar    {text}; {duration(done.uncertainty)}")
-    return lines
+    return lines + ([] if done.checked is None else defaults_lines(done.checked))
 
 
 def _engine_line(engine: EngineRun, effort: Unit) -> str:
     if engine.artifact is None:
         return f"{engine.kind:<12} skipped: {engine.skipped}"
     result: TaskResult = engine.artifact.value
-    if result.stills:  # contact holds the arms: their tips and residuals say little
+    if result.stills:  # the arms are held by contact: their tips and residuals are not informative
         numbers = [
-            f"{stem_and_unit(name)[0]} {unit_of(name).text(v)}"
+            f"{stem_and_unit(name)[0]} {output_unit(name).text(v)}"
             for name, v in result.metrics.items()
             if isinstance(v, float)
         ]
@@ -188,7 +199,7 @@ NO_METRICS = "  no metrics: the last step left no state of the chain (its number
 
 
 def _no_state(result: TaskResult) -> bool:
-    """Whether the last state is none that the chain holds, so that its numbers say nothing."""
+    """Return whether the last state is no equilibrium of the chain, so that its numbers have no meaning."""
     left = not result.reached and result.last_held is not None
     return not result.stills and (left or not result.final.converged)
 
@@ -207,7 +218,7 @@ def _tip(tip_m: Array) -> str:
 
 
 def _last_held_json(result: TaskResult) -> dict[str, Any] | None:
-    """The last state that held where the task's did not."""
+    """Return the last equilibrium before the task failed; None if it did not fail."""
     if result.last_held is None or result.rollout is None:
         return None
     history, at = result.rollout, result.last_held
@@ -219,7 +230,7 @@ def _last_held_json(result: TaskResult) -> dict[str, Any] | None:
 
 
 def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
-    """A task's metrics in display units for the terminal; curves and tables stand in the JSON result."""
+    """Return a task's metrics in display units for the terminal; curves and tables are in the JSON result."""
     lines = []
     for name, value in metrics.items():
         items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
@@ -234,12 +245,12 @@ def _metric_text(name: str, value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_metric_text(name, item) for item in value)
     if isinstance(value, float):
-        return unit_of(name).text(value, 6)
+        return output_unit(name).text(value, 6)
     return number(value) if isinstance(value, bool) else f"{value}"
 
 
 def result_sentence(run: FinishedRun) -> str:
-    """What came out: the bend, how well the engines agree, how well the law fits."""
+    """Return the outcome: the bend, the agreement of the engines, the error of the law."""
     parts, engines = [_bend(run)], run.engines
     if len(engines) > 1 and not engines[0].result.stills:
         worst = max(float(d.max()) for d in distances_m(engines))
@@ -249,7 +260,7 @@ def result_sentence(run: FinishedRun) -> str:
 
 
 def _answers(run: FinishedRun) -> tuple[tuple[str, str], ...]:
-    """How good the law is and how well engines agree, what limits the result, how sure the tip is."""
+    """Return the answers: error of the law and agreement of engines, limits of the result, uncertainty of the tip."""
     limits = warnings(run)
     more = f" And {len(limits) - 1} more, below." if len(limits) > 1 else ""
     spread, first = run.uncertainty, run.engines[0].kind if run.engines else ""
@@ -262,7 +273,7 @@ def _answers(run: FinishedRun) -> tuple[tuple[str, str], ...]:
 
 
 def warnings(run: FinishedRun) -> list[Warned]:
-    """Everything that limits the result, the gravest first."""
+    """Return all limits of the result, the gravest first."""
     found: list[Warned] = []
     for engine in run.engines:
         found += _engine_warnings(engine, run)
@@ -313,7 +324,7 @@ def _bend(run: FinishedRun) -> str:
 
 
 def grasp_words(engine: EngineResult, at: str) -> str:
-    """A task with contact: how the grasp went; `at` which actuation, in words."""
+    """Return the outcome of a task with contact in words; `at` is the actuation in words."""
     measured = engine.result.metrics
     mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
     if not mode:
@@ -358,7 +369,7 @@ def _engine_warnings(engine: EngineResult, run: FinishedRun) -> list[Warned]:
             items.append(f"module {e.module}: {e.variable} by {unit.text(e.excess, 3)}")
         places = f"{len(entries)} places" if len(entries) > 1 else "one place"
         sentence = f"{engine.kind} used the law outside its domain at {places}"
-        found.append(Warned(sentence + rest_of_list(len(entries)) + ".", tuple(items)))
+        found.append(Warned(sentence + truncation_note(len(entries)) + ".", tuple(items)))
     return found
 
 

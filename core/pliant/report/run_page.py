@@ -1,4 +1,4 @@
-"""The page of a run: the finger, its FEM, its laws, its poses in the engines, and how sure the tip is."""
+"""The page of a run: the finger, its FEM, its laws, its poses in the engines, and the uncertainty of the tip."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from pliant.formatting import Unit, effort_unit, fixed, number, seconds, small_length, unit_of
-from pliant.report.charts import law_chart, pose_chart
+from pliant.formatting import Unit, effort_unit, fixed, number, output_unit, seconds, small_length
+from pliant.pipeline.run_folder import DesignResult, FinishedRun
+from pliant.report.contact_charts import stills_chart
 from pliant.report.document import (
     Cells,
     Drawn,
@@ -22,24 +23,21 @@ from pliant.report.document import (
 )
 from pliant.report.fem_page import data_sections, shape_section
 from pliant.report.fem_view import DesignStates
-from pliant.report.figures.backbones import backbone_picture
-from pliant.report.figures.backbones import caption as backbone_caption
-from pliant.report.figures.error_bars import COORDINATES, tip_cloud
-from pliant.report.figures.finger import chain_pose, finger_bodies, finger_picture
-from pliant.report.figures.law import law_picture
-from pliant.report.figures.stills import still_pictures
+from pliant.report.figures.finger import finger_bodies, finger_picture
 from pliant.report.fit_tables import axes_table, score_cells, score_heads
-from pliant.report.folder import DesignResult, FinishedRun
+from pliant.report.law_charts import law_chart
+from pliant.report.pose_charts import backbone_caption, backbone_chart, pose_chart
 from pliant.report.provenance import closing_sections, nested, plain, stage_name
-from pliant.report.run_view import distances_m, gravity_words, spread_sentence, study_form
+from pliant.report.run_view import distances_m, gravity_words, study_form
 from pliant.report.scenes.robot import robot_scene
+from pliant.report.self_check import defaults_section
+from pliant.report.tip_spread import uncertainty_section
 
-TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
 RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
 
 
 def run_drawn(run: FinishedRun) -> Drawn:
-    """Body, law and poses on top; then meshes, states, law, engines, uncertainty, cost. Same run, same bytes."""
+    """Return a page: body, law, poses; then meshes, states, law, engines, uncertainty, cost. It is deterministic."""
     block = run.study.get("fem") or {}
     backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
     solved = [DesignStates(d.name, d.module, backend) for d in run.designs if d.module is not None]
@@ -62,6 +60,7 @@ def run_drawn(run: FinishedRun) -> Drawn:
         _laws(run),
         _poses(run),
         uncertainty_section(run),
+        defaults_section(run.summary),
         cost,
         section("Times", *time_tables(run)),
         *closing_sections(run.study, run.provenance),
@@ -79,10 +78,10 @@ def _laws(run: FinishedRun) -> Section | None:
             caption += (
                 " Right: law minus state in percent of the effort's range, filled = fitted, open = left out."
             )
-        if design.law.error is not None:
+        if design.law.states_error:
             band = "the band that holds a state with a probability of 90 %"
             caption += f" Shaded, and as bars at the states left out: {band}."
-        parts.append(Picture(numbered("law", n), caption, law_picture(run, design), law_chart(run, design)))
+        parts.append(Picture(numbered("law", n), caption, law_chart(run, design)))
     parts.append(law_table(run))
     for design in run.designs:
         if design.module is not None and set(design.law.axes) == set(design.module.axes):
@@ -94,14 +93,14 @@ def _laws(run: FinishedRun) -> Section | None:
 
 
 def _poses(run: FinishedRun) -> Section | None:
-    """The chain in the engines; of a task with contact outlines of its scene."""
+    """Return the chain in the engines; for a task with contact outlines of its scene."""
     engines = run.engines
     if not engines:
         return None
     if engines[0].result.stills:
         caption = "outlines of what collides, from the side and from above; the first trial."
         pictures = [
-            Picture(numbered("stills", n), f"{engine.kind}: {caption}", still_pictures(engine.result.stills))
+            Picture(numbered("stills", n), f"{engine.kind}: {caption}", stills_chart(engine.result.stills))
             for n, engine in enumerate(engines)
         ]
         notes = dict.fromkeys(str(e.result.metrics["note"]) for e in engines if "note" in e.result.metrics)
@@ -111,59 +110,16 @@ def _poses(run: FinishedRun) -> Section | None:
     first = engines[0].result
     return section(
         "The finger in the engines",
-        Picture("chain_pose", caption, chain_pose(run), pose_chart(run)),
-        picture("backbones", backbone_caption(first), backbone_picture(first)),
+        Picture("chain_pose", caption, pose_chart(run)),
+        picture("backbones", backbone_caption(first), backbone_chart(first)),
         engine_table(run),
         metrics_table(run),
         *row_tables(run),
     )
 
 
-def uncertainty_section(run: FinishedRun) -> Section | None:
-    """The cloud of tips, and intervals of what the task measures; None where the study asks for none."""
-    spread, engines = run.uncertainty, run.engines
-    if spread is None or not engines:
-        return None
-    first, title = engines[0], "From the laws' error bars to the tip"
-    text = spread_sentence(spread, first.kind)
-    if "tip_mean_m" not in spread:
-        return Section(title, text=(text,))
-    text += (
-        " Modules of one design share one draw. What the laws leave out (friction, tolerances, the chain itself) is "
-        "not in it."
-    )
-    caption = (
-        "Left: tips of the drawn laws, from the tip of the laws themselves, in the two coordinates that vary most. "
-        "Right: share of the runs within a distance of their mean."
-    )
-    cloud = picture("tip_cloud", caption, tip_cloud(spread, first.markers_m[-1]))
-    return section(title, cloud, _spread_table(spread, run), text=text)
-
-
-def _spread_table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
-    first = run.engines[0]
-    rows: list[Cells] = []
-    for k, name in enumerate(COORDINATES):
-        ends = [spread["tip_low_m"][k], first.markers_m[-1][k], spread["tip_high_m"][k]]
-        half = (ends[2] - ends[0]) / 2
-        rows.append([f"tip {name} (mm)", *(fixed(1e3 * float(v), 4) for v in ends), small_length(half)])
-    for name, interval in spread.get("metrics", {}).items():
-        if name in TIP or not interval["high"] > interval["low"]:
-            continue
-        unit = unit_of(name)
-        own = first.result.metrics.get(name)
-        factor = unit.factor
-        cells = [interval["low"], own, interval["high"]]
-        texts = [number(float(v) * factor, 5) if isinstance(v, int | float) else "–" for v in cells]
-        half = number((interval["high"] - interval["low"]) / 2 * factor, 2)
-        rows.append([unit.axis, *texts, half])
-    level = f"{100 * float(spread['level']):g} %"
-    head = ["", f"{level} from", "the laws themselves", "to", "half-width"]
-    return Table("Intervals", head, rows)
-
-
 def engine_table(run: FinishedRun) -> Table | None:
-    """Settled tips, distances to the first engine, residuals."""
+    """Return settled tips, distances to the first engine, residuals."""
     engines = run.engines
     if not engines:
         return None
@@ -190,26 +146,26 @@ def engine_table(run: FinishedRun) -> Table | None:
 
 
 def metrics_table(run: FinishedRun) -> Table | None:
-    """The task's metrics, one column per engine."""
+    """Return the task's metrics, one column per engine."""
     engines = run.engines
     names = list(dict.fromkeys(name for e in engines for name in e.result.metrics if name != "note"))
     if not names:
         return None
     rows = []
     for name in names:
-        unit = unit_of(name)
+        unit = output_unit(name)
         rows.append([unit.axis, *(_metric(e.result.metrics.get(name), unit) for e in engines)])
     return Table("What the task measures", ["metric", *(e.kind for e in engines)], rows)
 
 
 def row_tables(run: FinishedRun) -> list[Table]:
-    """Metrics that are lists of records, such as the forces at contacts: a table each, engine by engine."""
+    """Return metrics that are lists of records, such as the forces at contacts: a table each, engine by engine."""
     tables = []
     for engine in run.engines:
         for name, records in engine.result.metrics.items():
             if not (isinstance(records, list) and records and isinstance(records[0], Mapping)):
                 continue
-            units = {key: unit_of(key) for key in records[0]}
+            units = {key: output_unit(key) for key in records[0]}
             rows: list[Cells] = [[_metric(one[key], unit) for key, unit in units.items()] for one in records]
             title = f"{capital(name)} at the end, {engine.kind}"
             tables.append(Table(title, [unit.axis for unit in units.values()], rows))
@@ -217,7 +173,7 @@ def row_tables(run: FinishedRun) -> list[Table]:
 
 
 def law_table(run: FinishedRun) -> Table | None:
-    """Errors of each law on states left out, with the study's form beside it."""
+    """Return the errors of each law on held-out states, compared with the published form."""
     rows: list[Cells] = []
     for design in run.designs:
         if design.fit is None:
@@ -230,7 +186,7 @@ def law_table(run: FinishedRun) -> Table | None:
             ", ".join([*parts, f"{fit.n_fitted} states fitted"]): vars(fit)
         }
         if form is not None and fit.details.get("form") != "study":
-            scored["the study's form"] = form
+            scored["the published form"] = form
         for name, scores in scored.items():
             rows.append([run.named(design) + name, str(fit.n_heldout), *score_cells(scores, effort)])
     if not rows:
@@ -242,7 +198,7 @@ def law_table(run: FinishedRun) -> Table | None:
 
 
 def time_tables(run: FinishedRun) -> list[Table]:
-    """Wall time of each stage when it was computed, and of settling in each engine."""
+    """Return the wall time of each stage when it was computed, and of settling in each engine."""
     tables = []
     if run.provenance:
         rows = [[stage_name(m), seconds(float(m["wall_s"]))] for m in run.provenance]
@@ -259,14 +215,14 @@ def time_tables(run: FinishedRun) -> list[Table]:
 
 
 def coefficients(design: DesignResult) -> str:
-    """The parameters of a stated law, as one line; empty for a fitted one."""
+    """Return the parameters of a stated law, as one line; empty for a fitted one."""
     record = design.law.record()
     shown = {**record.values, **{k: v.tolist() for k, v in record.arrays.items()}}
     return "; ".join(f"{key} = {plain(value)}" for key, value in shown.items())
 
 
 def _metric(value: Any, unit: Unit) -> str:
-    """A metric in a cell; points and tables stand in pictures and in run.json."""
+    """Return a metric in a cell; points and tables are in pictures and in run.json."""
     items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
     if any(isinstance(item, list | tuple | Mapping) for item in items):
         return "in run.json" if isinstance(value, Mapping) else f"{len(value)} entries, in run.json"

@@ -1,4 +1,4 @@
-"""What sentences, figures and page read out of a finished run: the chain's frame and loads, engines, levels."""
+"""Quantities of a finished run for sentences, figures and page: the chain's frame and loads, engines, levels."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from pliant.config.chain import ChainConfig
 from pliant.formatting import actuation_unit, small_length
 from pliant.pipeline.chain import base_rotation
+from pliant.pipeline.run_folder import DesignResult, EngineResult, FinishedRun
 from pliant.records.chain import default_base_rotation
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
-from pliant.report.folder import DesignResult, EngineResult, FinishedRun
 
 
 def chain_config(run: FinishedRun) -> ChainConfig | None:
-    """The study's chain, without the laws of its segments."""
+    """Return the study's chain, without the laws of its segments."""
     chain = run.study.get("chain")
     if not chain:
         return None
@@ -29,7 +29,7 @@ def chain_config(run: FinishedRun) -> ChainConfig | None:
 
 
 def base_pose(run: FinishedRun) -> tuple[Array, Array]:
-    """Position (3,) and rotation (3, 3) of the chain's base in the world; on an arm, where that has come to."""
+    """Return position (3,) and rotation (3, 3) of the chain's base in the world; on an arm, its final pose."""
     chain = chain_config(run)
     if chain is None:
         return np.zeros(3), default_base_rotation()
@@ -41,13 +41,13 @@ def base_pose(run: FinishedRun) -> tuple[Array, Array]:
 
 
 def gravity(run: FinishedRun) -> Array:
-    """(3,) m/s²; zeros without a chain."""
+    """Return gravity (3,) in m/s²; zeros without a chain."""
     chain = chain_config(run)
     return np.array(chain.gravity_m_s2, float) if chain else np.zeros(3)
 
 
 def payload_kg(run: FinishedRun) -> float:
-    """Mass hung at the tip: the task's, else the chain's."""
+    """Return the mass at the tip: the task's, else the chain's."""
     task = run.study.get("task") or {}
     if task.get("payload_kg") is not None:
         return float(task["payload_kg"])
@@ -56,7 +56,7 @@ def payload_kg(run: FinishedRun) -> float:
 
 
 def actuation(run: FinishedRun) -> tuple[str, float] | None:
-    """Name and full value of the task's actuation, or None without a task."""
+    """Return name and full value of the task's actuation, or None without a task."""
     task = run.study.get("task") or {}
     for name, value in sorted(task.items()):
         if name in ("pressure_pa", "tendon_force_n") and value is not None:
@@ -68,13 +68,13 @@ def actuation(run: FinishedRun) -> tuple[str, float] | None:
 
 
 def actuation_text(run: FinishedRun) -> str:
-    """`` at 15 kPa``, as a phrase goes on; empty without a task."""
+    """Return `` at 15 kPa``, as the end of a phrase; empty without a task."""
     given = actuation(run)
     return f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
 
 
 def main_axis(law: JointLaw, data_axis: str = "y") -> int:
-    """Index of the axis that is plotted: that of the data, else y, else the first."""
+    """Return the index of the axis that is plotted: that of the data, else y, else the first."""
     for axis in (data_axis, "y"):
         if axis in law.axes:
             return law.axes.index(axis)
@@ -82,7 +82,7 @@ def main_axis(law: JointLaw, data_axis: str = "y") -> int:
 
 
 def rest_markers(run: FinishedRun) -> Array | None:
-    """(n + 2, 3) markers of the straight chain, or None where links change their length."""
+    """Return (n + 2, 3) markers of the straight chain, or None where links change their length."""
     if not run.engines or run.designs[0].law.joint == "prismatic":
         return None
     position, rotation = base_pose(run)
@@ -92,7 +92,7 @@ def rest_markers(run: FinishedRun) -> Array | None:
 
 
 def history_levels(result: TaskResult, count: int) -> list[tuple[float, Array, Array]]:
-    """Actuation, joint angles and markers at up to `count` steps of the history, the last one left out."""
+    """Return actuation, joint angles and markers at up to `count` steps of the history, without the last one."""
     history = result.rollout
     if history is None or len(history.time_s) < 2:
         return []
@@ -102,8 +102,8 @@ def history_levels(result: TaskResult, count: int) -> list[tuple[float, Array, A
     return [(float(size[i]), history.joint_angles[i], history.markers_m[i]) for i in steps if size[i] > 0]
 
 
-def law_of(design: DesignResult, actuation: Array, deformation: Array) -> Array:
-    """τ (n,) of a design's law on its plotted axis, the other axes at rest."""
+def plotted_effort(design: DesignResult, actuation: Array, deformation: Array) -> Array:
+    """Return τ (n,) of a design's law on its plotted axis, the other axes at rest."""
     p, u, axis = _at_rest_otherwise(design, actuation, deformation)
     return np.asarray(design.law.evaluate(p, u).tau[:, axis])
 
@@ -111,28 +111,28 @@ def law_of(design: DesignResult, actuation: Array, deformation: Array) -> Array:
 def _at_rest_otherwise(
     design: DesignResult, actuation: Array, deformation: Array
 ) -> tuple[Array, Array, int]:
-    """Actuation (n,), deformation (n, a) and index of the plotted axis, where alone u is not zero."""
+    """Return actuation (n,), deformation (n, a) and index of the plotted axis, the only one where u is not zero."""
     axis = main_axis(design.law, design.fem.axis if design.fem else "y")
     u = np.zeros((len(actuation), len(design.law.axes)))
     u[:, axis] = deformation
     return np.asarray(actuation, float), u, axis
 
 
-def band_of(design: DesignResult, actuation: Array, deformation: Array) -> Array | None:
-    """Half-width (n,) of the 90 % band on a design's plotted axis, the other axes at rest; None without an error."""
+def plotted_band(design: DesignResult, actuation: Array, deformation: Array) -> Array | None:
+    """Return half-width (n,) of the 90 % band on a design's plotted axis, others at rest; None without an error."""
     p, u, axis = _at_rest_otherwise(design, actuation, deformation)
     band = design.law.band(p, u)
     return None if band is None else np.asarray(band[:, axis])
 
 
 def study_form(design: DesignResult) -> Mapping[str, Any] | None:
-    """The scores and coefficients of the study's form beside the fit, if it could be fitted."""
+    """Return scores and coefficients of the published form fitted to the same states, if it could be fitted."""
     found = design.fit.details.get("study_form") if design.fit else None
     return found if found and "parameters" in found else None
 
 
 def study_form_effort(form: Mapping[str, Any], actuation: Array, u: Array) -> Array:
-    """τ = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u); u|u| for u² where the form is odd."""
+    """Return τ = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u); u|u| for u² where the form is odd."""
     k = form["parameters"]
     square = u * np.abs(u) if form.get("odd") else u**2
     p = actuation
@@ -140,7 +140,7 @@ def study_form_effort(form: Mapping[str, Any], actuation: Array, u: Array) -> Ar
 
 
 def module_designs(run: FinishedRun) -> tuple[list[int], list[float]] | None:
-    """For each module its design's index and its turn about the chain axis (rad), or None without a chain."""
+    """Return for each module its design's index and its turn about the chain axis (rad), or None without a chain."""
     chain = chain_config(run)
     if chain is None:
         return None
@@ -154,19 +154,19 @@ def module_designs(run: FinishedRun) -> tuple[list[int], list[float]] | None:
 
 
 def distances_m(engines: Sequence[EngineResult]) -> list[Array]:
-    """For each engine, the distance (n + 2,) of its markers to those of the first engine."""
+    """Return for each engine the distance (n + 2,) of its markers to those of the first engine."""
     first = engines[0].markers_m
     return [np.linalg.norm(e.markers_m - first, axis=1) for e in engines]
 
 
 def gravity_words(run: FinishedRun) -> str:
-    """Whether weight acts, for captions."""
+    """Return whether weight acts, for captions."""
     chain = chain_config(run)
     return "under gravity" if chain is not None and any(chain.gravity_m_s2) else "without gravity"
 
 
 def spread_sentence(spread: Mapping[str, Any], engine: str) -> str:
-    """What the laws' error bars come to at the tip."""
+    """Return the uncertainty of the tip caused by the laws' error bars, as a sentence."""
     if "tip_mean_m" not in spread:
         return f"None of {spread['samples']} runs with drawn laws settled, so there is no interval."
     failed = f"; {spread['failed']} of them did not settle" if spread["failed"] else ""

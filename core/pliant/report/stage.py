@@ -1,4 +1,4 @@
-"""Pages as files: rendered, or found in the store when nothing that they show has changed."""
+"""Pages as files: rendered, or read from the store if their data have not changed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant import __version__
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.registry.component import Component
 from pliant.report.document import Document, Page
 from pliant.report.render import page
@@ -19,7 +19,7 @@ from pliant.store.fingerprint import versions
 from pliant.store.store import writing_in
 
 REPORT = "report.html"
-# Pictures of every page; those that a page no longer has are taken away.
+# Pictures of every page; those that a page no longer has are removed.
 NAMES = {"finger", "module_shape", "law", "chain_pose", "backbones", "stills", "tip_cloud"}
 NAMES |= {"runs", "where", "loops", "map", "steps"}
 NAMES |= {"module_stress", "fem_states", "fem_sampling", "fem_cost"}
@@ -29,24 +29,24 @@ NUMBERED = re.compile(r"_\d+$")
 
 @dataclass(frozen=True, eq=False)
 class StoredPage:
-    """What a page depends on, so that the store keeps it.
+    """The inputs of a page, by which the store caches it.
 
     Attributes:
         bench: with the store.
-        manifests: of the artifacts that it shows; a page tells when they were made, so it goes with that making.
-        components: plugins whose code it depends on.
+        manifests: of the artifacts that it shows; they include the time of their computation, which a page shows.
+        components: plugins on whose code it depends.
         module: Pliant's module that draws it.
         config: JSON values that it shows.
     """
 
-    bench: Workbench
+    bench: RunContext
     manifests: Sequence[Mapping[str, Any]]
     components: Sequence[Component]
     module: str
     config: Mapping[str, Any]
 
     def render(self, document: Document) -> Page:
-        """The page of the document, from the store where it has it."""
+        """Return the page of the document, from the store if it is cached."""
 
         def compute(partial: Path) -> dict[str, Any]:
             made = page(document)
@@ -68,7 +68,7 @@ class StoredPage:
 
 
 def write_page(folder: Path, html: str, pictures: Mapping[str, Any], name: str = REPORT) -> Path:
-    """Write a page; beside `report.html` also `pictures/*.png`, and remove pictures of an earlier report.
+    """Write a page; for `report.html` also `pictures/*.png`, and remove pictures of an earlier report.
 
     `pictures` maps names to PNG bytes as uint8 arrays. Raises `UserError` where nothing can be written.
     """
@@ -76,7 +76,7 @@ def write_page(folder: Path, html: str, pictures: Mapping[str, Any], name: str =
     pictures = pictures if name == REPORT else {}
     with writing_in(folder):
         staged = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
-        try:  # everything is on the disk before any of it takes its place
+        try:  # all files are written before any is moved into place
             for picture, png in pictures.items():
                 (staged / f"{picture}.png").write_bytes(png.tobytes())
             (staged / name).write_text(html, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A store of artifacts as a document: what each study keeps of each stage, for terminal and JSON."""
+"""A store of artifacts as a document: each study's artifacts of each stage, for terminal and JSON."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Kept:
     """Artifacts of one stage that one study used.
 
     Attributes:
-        study: its name; "–" for what no study is known of.
+        study: its name; "–" if no study is known.
         stage: of the work.
-        artifacts: how many.
+        artifacts: their number.
         size_bytes: on the disk.
-        newest: when the last was made (ISO 8601, UTC).
-        made_s: what making them took, all together.
+        newest: time of the last one (ISO 8601, UTC).
+        made_s: total time of their computation.
     """
 
     study: str
@@ -47,7 +47,7 @@ COLUMNS: tuple[Column[Kept], ...] = (
 
 
 def store_document(root: Path) -> Document:
-    """The document of `pliant store`; raises `UserError` where there is no such folder."""
+    """Return the document of `pliant store`; raises `UserError` where there is no such folder."""
     found = entries(root)
     by_stage = {
         stage: [one for one in found if one.stage == stage] for stage in sorted({e.stage for e in found})
@@ -73,7 +73,7 @@ def store_document(root: Path) -> Document:
 
 
 def as_data(entry: Entry) -> dict[str, Any]:
-    """An artifact as JSON values."""
+    """Return an artifact as JSON values."""
     return {
         "stage": entry.stage,
         "key": entry.key,
@@ -85,7 +85,7 @@ def as_data(entry: Entry) -> dict[str, Any]:
 
 
 def _by_study(by_stage: dict[str, list[Entry]]) -> Iterator[Kept]:
-    """What several studies used stands in a row of each."""
+    """Yield the rows by study; artifacts that several studies used are in a row of each."""
     names = {study for found in by_stage.values() for one in found for study in one.studies}
     for study in (*sorted(names), UNKNOWN):
         for stage, found in by_stage.items():

@@ -1,8 +1,8 @@
-"""What a verb says of a model and a measurement, found in the store when the same is asked again.
+"""Cached results of a verb for a model and a measurement.
 
-An answer is its document without what draws it, its rendered page, and the files that stand beside the page. Its key
-holds the study, the numbers of the chain and of the measurement, the options, and the code of the verb, the engine, all
-effects and the page.
+An answer is its document without drawing functions, its rendered page, and the files that accompany the page. Its key
+contains the study, the numbers of the chain and of the measurement, the options, and the code of the verb, the engine,
+all effects and the page.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any
 
 from pliant import __version__
 from pliant.config.study import Study
-from pliant.pipeline.study import chain_of_study, physics_of_study
-from pliant.pipeline.workbench import Workbench, content, digest
+from pliant.pipeline.study import build_study_chain, study_physics
+from pliant.pipeline.workbench import RunContext, content, digest
 from pliant.records.chain import ChainModel
 from pliant.records.measurement import Measurement
 from pliant.records.plain_values import plain
 from pliant.records.remark import Rank
-from pliant.registry.files import FILE_MODULE, files_of
+from pliant.registry.files import FILE_MODULE, effect_files
 from pliant.report.document import Document, Page, Table, Warned
 from pliant.report.render import page
 from pliant.store.content import content_digest
@@ -29,13 +29,13 @@ from pliant.store.fingerprint import versions
 from pliant.store.store import Artifact
 
 LIBRARIES = ("numpy", "scipy", "numba", "matplotlib", "jinja2")
-# Of a document: plain values and tuples of them.
+# Keys of a document: plain values and tuples of them.
 TEXTS = ("kind", "title", "sentence", "answers", "points", "closing", "footer", "page", "version")
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """A document with its rendered page, and the texts of files beside the page by their names."""
+class StoredAnswer:
+    """A document with its rendered page, and the texts of accompanying files by name."""
 
     document: Document
     made: Page
@@ -43,23 +43,23 @@ class Answer:
     cached: bool = False
 
     def render(self, document: Document) -> Page:
-        """The page; it is that of this answer's document."""
+        """Return the page of this answer, which must be that of the document."""
         return self.made
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is asked of a model and a measurement.
+    """A question about a model and a measurement.
 
     Attributes:
         bench: with the store.
-        study: the study that is asked about, its effects included.
-        measurement: what it is held against.
+        study: the study, including its effects.
+        measurement: the one that it is compared with.
         options: JSON values that the answer depends on.
-        modules: that compute the answer; the stage is called after the first one.
+        modules: that compute the answer; the stage is named after the first one.
     """
 
-    bench: Workbench
+    bench: RunContext
     study: Study
     measurement: Measurement
     options: Mapping[str, Any]
@@ -73,39 +73,42 @@ class Question:
         return bench.make(
             self.modules[0].rpartition(".")[2],
             lambda partial: compute(),
-            components=[bench.component("physics", physics_of_study(bench, self.study)), *shipped],
+            components=[bench.component("physics", study_physics(bench, self.study)), *shipped],
             modules=[*self.modules, __name__, "pliant.report.render", "pliant.formatting"],
             config={
                 "study": content(self.study),
                 "options": dict(self.options),
-                "chain": _chain_digest(chain_of_study(bench, self.study).chain),
+                "chain": _chain_digest(build_study_chain(bench, self.study).chain),
                 "measurement": content_digest(self.measurement),
                 "effects": sorted(component.kind for component in components),
-                "files": [digest(Path(file)) for file in files_of(bench.registry)],
+                "files": [digest(Path(file)) for file in effect_files(bench.registry)],
                 "libraries": {"pliant": __version__, **versions(LIBRARIES)},
             },
             inputs={},
         )
 
 
-def stored_answer(question: Question, compute: Callable[[], tuple[Document, Mapping[str, str]]]) -> Answer:
-    """Return the document that answers a question, from the store where it is there.
+def stored_answer(
+    question: Question, compute: Callable[[], tuple[Document, Mapping[str, str]]], draw: bool = True
+) -> StoredAnswer:
+    """Return the document that answers a question, from the store if it is cached.
 
     Args:
-        question: what is asked.
-        compute: gives the document, and the texts of files that stand beside its page by their names.
+        question: the question; its options include `draw`.
+        compute: returns the document, and the texts of accompanying files by name.
+        draw: whether the page is rendered; empty otherwise.
     """
 
     def work() -> dict[str, Any]:
         document, files = compute()
-        made = page(document)
+        made = page(document) if draw else Page("", {})
         pictures = dict(made.pictures)
         return {"document": _tree(document), "html": made.html, "pictures": pictures, "files": dict(files)}
 
     artifact = question.find(work)
     value = artifact.value
     made = Page(value["html"], value["pictures"])
-    return Answer(_document(value["document"]), made, value["files"], artifact.cached)
+    return StoredAnswer(_document(value["document"]), made, value["files"], artifact.cached)
 
 
 def _chain_digest(chain: ChainModel) -> str:
@@ -115,7 +118,7 @@ def _chain_digest(chain: ChainModel) -> str:
 
 
 def _tree(document: Document) -> dict[str, Any]:
-    """The document as JSON values."""
+    """Return the document as JSON values."""
     brief = [block if isinstance(block, str) else dataclasses.asdict(block) for block in document.brief]
     warnings = [{**dataclasses.asdict(one), "rank": int(one.rank)} for one in document.warnings]
     texts = {name: getattr(document, name) for name in TEXTS}
@@ -123,7 +126,7 @@ def _tree(document: Document) -> dict[str, Any]:
 
 
 def _document(tree: Mapping[str, Any]) -> Document:
-    """The document of a tree, which nothing draws any more: its page is rendered."""
+    """Return the document of a tree, without drawing functions: its page is rendered already."""
     texts = {name: _tuples(tree[name]) for name in TEXTS}
     brief = tuple(block if isinstance(block, str) else Table(**block) for block in tree["brief"])
     warnings = tuple(

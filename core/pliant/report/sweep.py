@@ -1,4 +1,4 @@
-"""A sweep of FEM as a document: its designs, why some are missing, what it took; for terminal and JSON."""
+"""A sweep of FEM as a document: its designs, causes of missing ones, and cost; for terminal and JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from pliant.formatting import deformation_unit, fixed, number, seconds, unit_of
+from pliant.formatting import deformation_unit, fixed, number, output_unit, seconds
 from pliant.pipeline.sweep import DesignOutcome, SweepRun
 from pliant.report.document import Column, Document, Table, as_json, brief_table
 
@@ -28,7 +28,7 @@ DESIGNS: tuple[Column[DesignOutcome], ...] = (
 
 
 def sweep_document(run: SweepRun, title: str, table: Path) -> Document:
-    """The document of `pliant fem` of a sweep; `table` holds its states."""
+    """Return the document of `pliant fem` of a sweep; `table` is the file of its states."""
     done, more = run.done(), len(run.outcomes) - MOST_LINES
     data = {
         "n_states": sum(o.n_states for o in done),
@@ -51,12 +51,12 @@ def sweep_document(run: SweepRun, title: str, table: Path) -> Document:
 
 
 def _designs_table(run: SweepRun) -> Table:
-    """The terminal's columns, those of what was varied behind the number."""
+    """Return the terminal's columns, those of varied parameters after the number."""
     number_, *rest = [column for column in DESIGNS if column.brief]
 
     def varied(name: str) -> Column[DesignOutcome]:
         return Column(
-            "design", "", brief=unit_of(name).axis, text=lambda o: _value(name, o.design.changes[name])
+            "design", "", brief=output_unit(name).axis, text=lambda o: _value(name, o.design.changes[name])
         )
 
     columns = (number_, *map(varied, run.outcomes[0].design.changes), *rest)
@@ -85,11 +85,11 @@ def _free(outcome: DesignOutcome) -> str:
 def _value(name: str, value: Any) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return number(float(value) * unit_of(name).factor, 6)
+    return number(float(value) * output_unit(name).factor, 6)
 
 
 def _grouped(run: SweepRun) -> list[str]:
-    """Causes, each once: sentences that differ in their numbers only are one cause."""
+    """Return each cause once: sentences that differ only in numbers are one cause."""
     groups: dict[str, list[DesignOutcome]] = {}
     for outcome in run.outcomes:
         if outcome.status != "done":

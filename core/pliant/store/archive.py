@@ -1,11 +1,11 @@
-"""A study with its artifacts as one zip file, to be taken elsewhere.
+"""A study with its artifacts as one zip file, for use on another machine.
 
     archive.json                     format, version of Pliant, the study's name and file
     study/…                          the study and the tables that it reads
     store/<stage>/<key>/…            manifest, value and arrays of each artifact
 
 An archive is data: nothing in it is executed when it is opened, every name in it is checked before a byte is written,
-and its unpacked size is bounded. Whoever imports one believes its author's numbers, as with any table.
+and its unpacked size is bounded. The numbers in it are trusted, as those of any table.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ LARGEST_INDEX = 100_000
 ARTIFACT_FILE = re.compile(
     rf"store/([a-z][a-z_]*)/([0-9a-f]{{32}})/({re.escape(MANIFEST)}|{VALUE}|{re.escape(ARRAYS)})"
 )
-# A file or one folder and a file; no name begins with a dot, so that none leads out.
+# A file, or one folder and a file; no name begins with a dot, so that none points outside.
 STUDY_FILE = re.compile(r"study/(?:[A-Za-z0-9_][\w.+-]{0,99}/)?[A-Za-z0-9_][\w.+ -]{0,199}", re.ASCII)
 STUDY_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
-FIXED = (1980, 1, 1, 0, 0, 0)  # the same contents give the same bytes
+FIXED = (1980, 1, 1, 0, 0, 0)  # fixed, so that the same contents give the same bytes
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What came out of an archive.
+    """The contents of an imported archive.
 
     Attributes:
-        study: the study file, ready to be run.
+        study: the study file, ready to run.
         name: of the study.
-        artifacts: how many the store did not have before, and how many the archive held.
-        code: Python files that the study runs when it is run.
+        artifacts: how many the store did not have before, and how many the archive contained.
+        code: Python files that running the study executes.
     """
 
     study: Path
@@ -59,7 +59,7 @@ class Imported:
 
 
 def write_archive(target: Path, name: str, study: Path, artifacts: Sequence[Entry]) -> None:
-    """Write an archive of a study that stands alone, the other files of its folder, and artifacts.
+    """Write an archive of a self-contained study, the other files of its folder, and artifacts.
 
     Raises `UserError` where the target cannot be written.
     """
@@ -87,12 +87,12 @@ def write_archive(target: Path, name: str, study: Path, artifacts: Sequence[Entr
 def import_archive(path: Path, root: Path, folder: Path) -> Imported:
     """Put the artifacts of an archive into a store and its study into a new folder.
 
-    Everything is unpacked beside the store and checked before any of it takes its place; artifacts that the store
-    has already stay as they are.
+    Everything is unpacked next to the store and checked before any of it is moved into place; artifacts that the store
+    already has are not changed.
 
     Raises:
-        UserError: it is no archive, it is damaged, a name in it leads elsewhere, it is too large, or the folder is
-            there already.
+        UserError: it is no archive, it is damaged, a name in it points outside, it is too large, or the folder exists
+            already.
     """
     if folder.exists():
         raise UserError(f"{folder} is there already; give another --out.")
@@ -120,7 +120,7 @@ def import_archive(path: Path, root: Path, folder: Path) -> Imported:
 
 
 def _unpacked(path: Path, staged: Path) -> Mapping[str, Any]:
-    """The archive's index; its files lie in `staged` then."""
+    """Unpack the archive into `staged` and return its index."""
     no_archive = UserError(f"{path}: it is no archive of 'pliant store --export'.")
     try:
         require_regular(path)
@@ -139,7 +139,7 @@ def _unpacked(path: Path, staged: Path) -> Mapping[str, Any]:
                 if entry.filename != INDEX:
                     target = staged / entry.filename
                     target.parent.mkdir(parents=True, exist_ok=True)
-                    with archive.open(entry) as source, target.open("wb") as sink:  # no more than it states
+                    with archive.open(entry) as source, target.open("wb") as sink:  # at most its stated size
                         shutil.copyfileobj(source, sink)
             return index
     except UserError:
@@ -149,7 +149,7 @@ def _unpacked(path: Path, staged: Path) -> Mapping[str, Any]:
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise UserError(f"{path}: the archive is damaged ({error}).") from None
     except (ValueError, LookupError, RuntimeError, NotImplementedError, RecursionError):
-        raise no_archive from None  # also one with a password, or of another kind of compression
+        raise no_archive from None  # also a password-protected archive, or one of another kind of compression
 
 
 def _check_names(path: Path, inside: Sequence[zipfile.ZipInfo]) -> None:
@@ -166,13 +166,13 @@ def _check_names(path: Path, inside: Sequence[zipfile.ZipInfo]) -> None:
 
 
 def _checked_artifacts(path: Path, staged: Path) -> list[Path]:
-    """Folders of the artifacts, each read once: whole, with its own checksums, of a bounded size."""
+    """Return the folders of the artifacts, after checking each for completeness, its checksums and its size."""
     found = sorted(folder for folder in (staged / "store").glob("*/*"))
     size = 0
     for folder in found:
         what = f"{folder.parent.name}/{folder.name[:8]}"
         try:
-            with zipfile.ZipFile(folder / ARRAYS) as arrays:  # compressed once more
+            with zipfile.ZipFile(folder / ARRAYS) as arrays:  # arrays are compressed a second time
                 size += sum(entry.file_size for entry in arrays.infolist())
             if size > UNPACKED:
                 raise UserError(

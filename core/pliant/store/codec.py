@@ -1,4 +1,7 @@
-"""Records as JSON and arrays, without pickle: only the classes listed here can come back out of a file."""
+"""Records as JSON and arrays, without pickle: only the classes that a package registers can be read from a file.
+
+A package registers them by the hook `pliant_records`; Pliant's own are listed in `pliant.manifest`.
+"""
 
 from __future__ import annotations
 
@@ -8,40 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from pliant.records.design import Design
-from pliant.records.fem import FemDataset, FemState, ModuleData, ModuleShape
-from pliant.records.law import FitReport, LawRecord
-from pliant.records.load_frames import LoadFrames
-from pliant.records.mount import Carrier
-from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
-from pliant.records.scene import SceneFrames, SceneStill
-from pliant.records.search import (
-    FoundDesign,
-    Robustness,
-    SearchHistory,
-    SearchResult,
-    Slope,
-    VariableRecord,
-    Verification,
-)
-from pliant.records.shape import Shape, TriangleMesh
-
-CLASSES: tuple[type[Any], ...] = (
-    *(Design, FemDataset, FemState, ModuleData, ModuleShape, FitReport, LawRecord, Shape, TriangleMesh),
-    *(Carrier, LoadFrames, Equilibrium, OutsideDomain, Rollout, TaskResult, SceneFrames, SceneStill),
-    *(FoundDesign, Robustness, SearchHistory, SearchResult, Slope, VariableRecord, Verification),
-)
-RECORDS = {cls.__name__: cls for cls in CLASSES}
+from pliant.registry.place import imported
+from pliant.registry.stored_record import stored_records
 
 Arrays = dict[str, np.ndarray]
 RESERVED = {"__record__", "__array__", "__tuple__", "__items__"}
 
 
 def encode(value: Any, arrays: Arrays) -> Any:
-    """JSON tree of a value; arrays are moved to `arrays` and referred to by name."""
+    """Return the JSON tree of a value; arrays are moved to `arrays` and referred to by name."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         name = type(value).__name__
-        if RECORDS.get(name) is not type(value):
+        entry = stored_records().get(name)
+        if entry is None or entry.place != f"{type(value).__module__}:{type(value).__qualname__}":
             raise TypeError(f"{name} is no storable record")
         fields = {f.name: encode(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
         return {"__record__": name, "fields": fields}
@@ -66,7 +48,7 @@ def encode(value: Any, arrays: Arrays) -> Any:
 
 
 def decode(tree: Any, arrays: Mapping[str, np.ndarray]) -> Any:
-    """The value of a JSON tree written by `encode`; raises `ValueError` for anything else."""
+    """Return the value of a JSON tree written by `encode`; raises `ValueError` for anything else."""
     if isinstance(tree, list):
         return [decode(item, arrays) for item in tree]
     if not isinstance(tree, dict):
@@ -78,8 +60,8 @@ def decode(tree: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     if "__items__" in tree:
         return {key: decode(item, arrays) for key, item in tree["__items__"]}
     if "__record__" in tree:
-        cls = RECORDS.get(tree["__record__"])
-        if cls is None:
+        entry = stored_records().get(tree["__record__"])
+        if entry is None:
             raise ValueError(f"unknown record '{tree['__record__']}'")
-        return cls(**{name: decode(item, arrays) for name, item in tree["fields"].items()})
+        return imported(entry.place)(**{name: decode(item, arrays) for name, item in tree["fields"].items()})
     return {key: decode(item, arrays) for key, item in tree.items()}

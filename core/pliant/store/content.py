@@ -1,4 +1,4 @@
-"""A digest of the numbers and texts that a value is made of, wherever they came from."""
+"""A digest of the numbers and texts that a value consists of, whatever their origin."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def content_digest(*values: Any) -> str:
     """Return the SHA-256 of plain values, arrays, frozen records and their sequences and mappings.
 
     Raises:
-        TypeError: something that is none of these.
+        TypeError: a value of any other type.
     """
     digest = hashlib.sha256()
     for value in values:
@@ -27,7 +27,7 @@ def content_digest(*values: Any) -> str:
 
 
 def _pieces(value: Any) -> Iterator[bytes]:
-    """The value in order, each piece led by its type, so that no two values give the same bytes."""
+    """Yield the parts of the value in order, each preceded by its type, so that no two values give the same bytes."""
     if isinstance(value, Enum):
         value = value.value
     if value is None or isinstance(value, bool | int | float | str | np.generic | Path):

@@ -1,4 +1,4 @@
-"""What a store holds, whether it is sound, and taking away what is old or too much."""
+"""The contents of a store, checks of their integrity, and removal of old or excess artifacts."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Entry:
     """One finished artifact.
 
     Attributes:
-        folder: where it lies.
-        stage, key: what it is.
-        studies: that used it; empty for what an older Pliant made.
+        folder: its location.
+        stage, key: its address in the store.
+        studies: that used it; empty for artifacts of an older Pliant.
         size_bytes: on the disk.
         created: ISO 8601, UTC; empty where its manifest cannot be read.
-        wall_s: what making it took; NaN where its manifest cannot be read.
+        wall_s: the time to compute it; NaN where its manifest cannot be read.
     """
 
     folder: Path
@@ -42,7 +42,7 @@ class Entry:
 
 
 def entries(root: Path) -> list[Entry]:
-    """Everything that is finished, stage by stage, the oldest first. Raises `UserError` where there is no store."""
+    """Return all finished artifacts, stage by stage, oldest first. Raises `UserError` where there is no store."""
     if not root.is_dir():
         raise UserError(f"there is no store at {root}; the first 'pliant run' makes one, or give --store.")
     used = users(root)
@@ -67,7 +67,7 @@ def _entry(folder: Path, used: dict[str, tuple[str, ...]]) -> Entry:
 
 
 def damaged(found: Sequence[Entry], tick: Callable[[], None] = lambda: None) -> Iterator[tuple[Entry, str]]:
-    """Those that do not match their checksums, each with the cause; `tick` is called for each that was read."""
+    """Yield artifacts that do not match their checksums, each with the cause; `tick` is called for each one read."""
     for entry in found:
         try:
             load_artifact(entry.folder, entry.key)
@@ -79,9 +79,9 @@ def damaged(found: Sequence[Entry], tick: Callable[[], None] = lambda: None) -> 
 def to_prune(
     found: Sequence[Entry], older_s: float | None = None, most_bytes: int | None = None
 ) -> list[Entry]:
-    """Entries made longer ago than `older_s`, and the oldest beyond a size of all that stay.
+    """Return entries older than `older_s`, and the oldest ones beyond a total size of those that stay.
 
-    What has no readable date counts as the oldest.
+    Entries without a readable date count as the oldest.
     """
     now = time.time()
     by_age = sorted(found, key=lambda entry: entry.created)
@@ -105,9 +105,9 @@ def _age_s(entry: Entry, now: float) -> float:
 
 
 def prune(gone: Sequence[Entry]) -> list[Entry]:
-    """Take artifacts away, each as a whole; what another process uses at this moment stays.
+    """Remove artifacts, each as a whole; those that another process is using stay.
 
-    Returns what was taken away. Raises `UserError` where the store cannot be written.
+    Returns the removed entries. Raises `UserError` where the store cannot be written.
     """
     done = []
     for entry in gone:
@@ -118,7 +118,7 @@ def prune(gone: Sequence[Entry]) -> list[Entry]:
                     entry.folder.rename(aside)  # a reader sees all of it or nothing
             except Timeout:
                 continue
-            except FileNotFoundError:  # another process was first
+            except FileNotFoundError:  # another process was faster
                 continue
         shutil.rmtree(aside, ignore_errors=True)
         done.append(entry)

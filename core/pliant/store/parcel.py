@@ -1,4 +1,4 @@
-"""An artifact as bytes, for workers on hosts that do not share the store: packed there, put into the store here."""
+"""An artifact as bytes, for workers on hosts that do not share the store: packed there and stored here."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNPACKED = 2_000_000_000  # bytes of its files
 
 
 def packed(folder: Path) -> bytes:
-    """The files of an artifact in one zip; they are compressed already."""
+    """Return the files of an artifact in one zip; they are compressed already."""
     target = io.BytesIO()
     with zipfile.ZipFile(target, "w") as made:
         for name in FILES:
@@ -24,10 +24,10 @@ def packed(folder: Path) -> bytes:
 
 
 def received(parcel: bytes, folder: Path) -> None:
-    """Put a packed artifact where a store has it; one that is there stays.
+    """Put a packed artifact into its folder of the store; an existing one stays.
 
     Raises:
-        CorruptedError: it is no artifact of this key, damaged, or too large.
+        CorruptedError: it is not an artifact of this key, damaged, or too large.
         UserError: the store cannot be written.
     """
     with writing_in(folder.parent):

@@ -1,14 +1,14 @@
-"""The artifact store: a folder per result, named by what it was made from.
+"""The artifact store: a folder per result, named by a digest of its inputs.
 
     <root>/<stage>/<key>/manifest.json   provenance and the digest of every file
     <root>/<stage>/<key>/value.json      the record
     <root>/<stage>/<key>/arrays.npz      its arrays
-    <root>/<stage>/<key>.partial/        what an interrupted computation has finished so far
+    <root>/<stage>/<key>.partial/        the finished parts of an interrupted computation
 
 A result is written to a temporary folder and renamed, so a reader sees all of it or nothing. A lock per key
-lets two processes share a store: the second waits and reads what the first wrote. What is there already is
-read without writing, so a store without write permission serves what it holds. What other code made of the same
-config and inputs is adopted where the caller can show that today's code agrees.
+lets two processes share a store: the second waits and reads the result of the first. Cached results are
+read without writing, so a store without write permission still serves its results. A result of other code for the same
+config and inputs is adopted where the caller can show that the present code agrees.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import time
 import uuid
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,20 +39,24 @@ from pliant.store.codec import decode, encode
 from pliant.store.fingerprint import versions
 from pliant.store.uses import Uses
 
-# What reading a damaged file may end in: a length that no memory holds is one of them.
+# Errors of reading a damaged file, such as an array length that exceeds the memory.
 DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError)
 VALUE, ARRAYS, MANIFEST = "value.json", "arrays.npz", "manifest.json"
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What determines a result: stage, JSON config, keys of its inputs, fingerprint of its code."""
+    """The stage, JSON config, keys of inputs and fingerprint of the code that determine a result.
+
+    `plugins` compute it, each with interface, kind and package; they are recorded and not part of the key.
+    """
 
     stage: str
     config: Mapping[str, Any]
     inputs: Mapping[str, str]
     code: str
     libraries: Mapping[str, str]
+    plugins: Sequence[Mapping[str, str]] = ()
 
     @property
     def key(self) -> str:
@@ -63,7 +67,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Artifact:
-    """A stored result: its value, its folder, its manifest, and whether it was there before."""
+    """A stored result: its value, its folder, its manifest, and whether it was cached."""
 
     value: Any
     folder: Path
@@ -77,11 +81,11 @@ class Artifact:
 
 
 class CorruptedError(Exception):
-    """A stored artifact does not match its own digests."""
+    """Error of a stored artifact that does not match its own digests."""
 
 
 class ArtifactStore:
-    """Artifacts under one root folder; what is made or found is noted for the study that the store is opened for."""
+    """Artifacts under one root folder; those made or found are recorded for the study that the store is opened for."""
 
     def __init__(self, root: Path, study: str = "") -> None:
         self.root = root
@@ -98,37 +102,28 @@ class ArtifactStore:
 
         Args:
             recipe: what determines the result.
-            compute: called with a folder for finished parts; what it leaves there survives an interruption
-                and is given to the next attempt.
-            note: receives a sentence when something was found corrupted, or when another process computes.
-            agrees: whether today's code gives the same as a value that other code made of the same config and
-                inputs; such a value is adopted under the new key instead of computed. None adopts nothing.
+            compute: called with a folder for finished parts; its contents survive an interruption and are given to
+                the next attempt.
+            note: receives a sentence when an artifact is corrupted, or when another process computes it.
+            agrees: whether the present code gives the same value as other code for the same config and inputs; such a
+                value is adopted under the new key instead of computed. None adopts nothing.
 
         Raises:
             UserError: the store cannot be read or written.
         """
-        made = self._made(recipe, compute, note, agrees)
-        self.uses.note(recipe.stage, recipe.key)
-        return made
-
-    def _made(
-        self,
-        recipe: Recipe,
-        compute: Callable[[Path], Any],
-        note: Callable[[str], None],
-        agrees: Callable[[Any], bool] | None,
-    ) -> Artifact:
         folder = self.root / recipe.stage / recipe.key
         partial = folder.with_name(folder.name + ".partial")
         found = _sound(folder)
         if found is not None:
             # A process that was killed after its last write left its parts.
             shutil.rmtree(partial, ignore_errors=True)
+            self.uses.note(recipe.stage, recipe.key)
             return found
         _writable(folder.parent)
         with self._locked(folder, note):
             found = self._load_or_discard(folder, note)  # another process may have finished it
             if found is not None:
+                self.uses.note(recipe.stage, recipe.key)
                 return found
             of_other_code = self._adoptable(recipe, agrees) if agrees is not None else None
             if of_other_code is not None:
@@ -146,20 +141,22 @@ class ArtifactStore:
             with writing_in(folder.parent):
                 self._write(folder, recipe, value, wall_s, of_other_code.key if of_other_code else "")
             shutil.rmtree(partial, ignore_errors=True)
-        # Read back, so that the first run goes on with exactly what later runs will find.
-        return replace(load_artifact(folder), cached=False)
+        # Read back, so that the first run continues with exactly the values that later runs read.
+        made = replace(load_artifact(folder), cached=False)
+        self.uses.note(recipe.stage, recipe.key)
+        return made
 
     def find(self, recipe: Recipe) -> Artifact | None:
-        """The artifact of a recipe if it is there and sound; nothing is written."""
+        """Return the artifact of a recipe if it exists and is sound; nothing is written."""
         found = _sound(self.root / recipe.stage / recipe.key)
         if found is not None:
             self.uses.note(recipe.stage, recipe.key)
         return found
 
     def computed_elsewhere(self, stage: str, key: str) -> bool:
-        """Whether another process, or thread, computes this artifact now.
+        """Return whether another process, or thread, computes this artifact now.
 
-        A killed one does not: the lock is the operating system's.
+        A killed process does not count: the operating system releases its lock.
         """
         try:
             if (self.root / stage).is_dir():
@@ -167,12 +164,12 @@ class ArtifactStore:
                     pass
         except Timeout:
             return True
-        except (OSError, NotImplementedError):  # `make` says so
+        except (OSError, NotImplementedError):  # `make` reports it
             pass
         return False
 
     def _adoptable(self, recipe: Recipe, agrees: Callable[[Any], bool]) -> Artifact | None:
-        """An artifact of the same config, inputs and libraries by other code, the newest that agrees."""
+        """Return the newest artifact of the same config, inputs and libraries by other code that agrees, or None."""
         alike = json.loads(json.dumps([recipe.config, dict(recipe.inputs), dict(recipe.libraries)]))
         found = []
         for file in (self.root / recipe.stage).glob(f"*/{MANIFEST}"):
@@ -186,7 +183,7 @@ class ArtifactStore:
         return next((artifact for artifact in sound if artifact is not None and agrees(artifact.value)), None)
 
     def _load_or_discard(self, folder: Path, note: Callable[[str], None]) -> Artifact | None:
-        """The artifact, if it is sound; a damaged one is set aside. Only for the holder of the lock."""
+        """Return the artifact, if it is sound; a damaged one is renamed. Only for the holder of the lock."""
         if not folder.exists():
             return None
         try:
@@ -216,6 +213,7 @@ class ArtifactStore:
                 "inputs": dict(recipe.inputs),
                 "code": recipe.code,
                 "libraries": dict(recipe.libraries),
+                "plugins": [dict(plugin) for plugin in recipe.plugins],
                 "wall_s": wall_s,
                 "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
                 "python": platform.python_version(),
@@ -258,7 +256,7 @@ def write_value(folder: Path, value: Any) -> None:
 
 
 def read_value(folder: Path) -> Any:
-    """Read a record written by `write_value`; arrays come back read-only."""
+    """Read a record written by `write_value`; arrays are read-only."""
     with np.load(folder / ARRAYS, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     for array in arrays.values():
@@ -267,7 +265,7 @@ def read_value(folder: Path) -> Any:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of the files of a record that `write_value` wrote."""
+    """Return the SHA-256 of the files of a record that `write_value` wrote."""
     return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (VALUE, ARRAYS)}
 
 
@@ -285,7 +283,7 @@ def read_checked(folder: Path, expected: Mapping[str, str]) -> Any:
 
 
 def load_artifact(folder: Path, key: str | None = None) -> Artifact:
-    """Read a stored artifact and check its digests, and its key where that is given.
+    """Read a stored artifact and check its digests, and its key if given.
 
     Raises `CorruptedError` with the cause, and `UserError` where permission is missing.
     """
@@ -304,7 +302,7 @@ def load_artifact(folder: Path, key: str | None = None) -> Artifact:
 
 
 def _sound(folder: Path) -> Artifact | None:
-    """The artifact of a store, or None where there is none or a damaged one."""
+    """Return the artifact of a store, or None for a missing or damaged one."""
     try:
         return load_artifact(folder, folder.name) if folder.is_dir() else None
     except CorruptedError:
@@ -325,7 +323,7 @@ def writing_in(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path`, which takes its place at the end; an error or Ctrl-C leaves no file behind."""
+    """Yield a temporary file next to `path`, which replaces it at the end; an error or Ctrl-C leaves no file behind."""
     handle, name = tempfile.mkstemp(prefix=".writing-", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     partial = Path(name)
@@ -352,6 +350,6 @@ def _writable(folder: Path) -> None:
 
 
 def _json_digest(value: Any) -> str:
-    """SHA-256 of a value as JSON, whatever the order of its keys; the same before and after a file."""
+    """Return the SHA-256 of a value as JSON, independent of the order of its keys; the same before and after a file."""
     plain = json.loads(json.dumps(value))
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Which study used which artifact: `<root>/uses/<study>.txt`, a line for each, however often it is found again."""
+"""The record of which study used which artifact: `<root>/uses/<study>.txt`, one line for each artifact."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ USES = "uses"
 
 
 class Uses:
-    """What one study uses of a store. Without permission to write nothing is noted, and nothing fails."""
+    """Artifacts that one study uses of a store. Without write permission nothing is recorded, and nothing fails."""
 
     def __init__(self, root: Path, study: str) -> None:
         self._file = root / USES / f"{study}.txt" if study else None
         self._noted: set[str] | None = None
 
     def note(self, stage: str, key: str) -> None:
-        """The study has made this artifact, or found it."""
+        """Record that the study has made or found this artifact."""
         if self._file is None:
             return
         line = f"{stage}/{key}"
@@ -33,7 +33,7 @@ class Uses:
 
 
 def users(root: Path) -> dict[str, tuple[str, ...]]:
-    """ "stage/key" → the studies that used it."""
+    """Return "stage/key" → the studies that used it."""
     found: dict[str, list[str]] = {}
     for file in sorted((root / USES).glob("*.txt")):
         for line in dict.fromkeys(_lines(file)):

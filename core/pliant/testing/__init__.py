@@ -1,6 +1,6 @@
-"""Conformance suites for plugin authors: what the contracts say, as checks that name the likely cause.
+"""Conformance suites for plugin authors: the clauses of the contracts as checks that name the likely cause.
 
-One module per interface holds its checks, and this one runs them in stages; `parametrize_with_checks` makes one test of
+Each interface has a module of checks, and this one runs them in stages; `parametrize_with_checks` makes one test of
 each component. `samples`, `solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems
 and small implementations that checks and tests use.
 """
@@ -14,33 +14,36 @@ import re
 import time
 import traceback
 import unittest
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from pliant.config.problems import sentences
-from pliant.errors import ContractError, MissingDependencyError, PliantError, UserError
-from pliant.execution.progress import Progress, Silent, bar_of
+from pliant.errors import (
+    ContractError,
+    MissingDependencyError,
+    PliantError,
+    PluginFailureError,
+    UserError,
+    closest,
+)
+from pliant.execution.progress import Progress, Silent, open_progress_bar
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.registry.component import Component
+from pliant.registry.interface import interfaces
 
 T = TypeVar("T")
 P = ParamSpec("P")
-# Interface → modules of this room whose checks it has beside those of the module called like it.
-MORE = {
-    "effect": ("effect_terms", "effect_found"),
-    "physics": ("physics_runs", "physics_motion", "physics_scene"),
-}
 
 
 class CheckFailure(ContractError, AssertionError):  # noqa: N818 - it is what a test reports
-    """A component breaks its contract; the message names it, what was seen, why, and the clause.
+    """Failure of a component's contract; the message names component, finding, cause and clause.
 
-    `raised_at` is the place in the plugin's code from which an error came, (type, file, line), where one did; where a
-    config was refused, what is wrong with it stands for the file.
+    `raised_at` is the origin of an error in the plugin's code, (type, file, line), if there was one; for a refused
+    config the error in the config replaces the file.
     """
 
     raised_at: tuple[str, str, int] | None = None
@@ -51,11 +54,11 @@ class CheckSkipped(unittest.SkipTest):
 
 
 class Finding(Exception):  # noqa: N818 - raised by checks only, turned into `CheckFailure`
-    """What a check saw and what the likely cause is."""
+    """Finding of a check and its likely cause."""
 
 
 def require(condition: object, finding: str) -> None:
-    """Raise `Finding` unless the condition holds."""
+    """Raise `Finding` unless the condition is true."""
     if not condition:
         raise Finding(finding)
 
@@ -84,13 +87,13 @@ def require_refused(
     what: str = "cause",
     error: type[Exception] = UserError,
 ) -> None:
-    """Raise `Finding` unless the call raises this error; `says` is a pattern that its message holds.
+    """Raise `Finding` unless the call raises this error with a message that matches the pattern `says`.
 
-    `accepted` is the finding where the call goes through, `what` is what a message without the pattern lacks.
+    `accepted` is the finding if the call succeeds; `what` names the part that a message without the pattern lacks.
     """
     try:
         call()
-    except MissingDependencyError:  # it says nothing about what was asked
+    except MissingDependencyError:  # not an answer to the check
         raise
     except error as raised:
         require(re.search(says, str(raised)), f"the message names no {what}: '{raised}'")
@@ -100,14 +103,16 @@ def require_refused(
 
 @dataclass(eq=False)
 class Subject:
-    """The component under test, its config and what several checks may share.
+    """The component under test, its config and results shared by several checks.
 
     Attributes:
         component: as a plugin's manifest declares it.
+        changes: keys of its config, in a study's notation, that every config under test has.
         shared: results of functions under `once`.
     """
 
     component: Component
+    changes: Mapping[str, Any] = field(default_factory=dict)
     shared: dict[Any, Any] = field(default_factory=dict)
 
     @property
@@ -122,25 +127,39 @@ class Subject:
 
     @property
     def plain_config(self) -> ComponentConfig:
-        """The config with every default, or that of the example where a key is mandatory."""
+        """Return the config with every default, or that of the example if a key is mandatory."""
         try:
-            return self.model.model_validate({"kind": self.component.kind})
+            return self.model.model_validate({"kind": self.component.kind, **self.changes})
         except ValueError:
             return self.config
 
     def configured(self, changes: Mapping[str, Any]) -> ComponentConfig:
-        """The example's config with some fields replaced; keys are field names."""
-        example = {"kind": self.component.kind, **self.component.smallest_block()}
+        """Return the example's config with some fields replaced; keys are field names."""
+        component = replace(self.component, example={**self._unchanged(), **self.changes})
+        example = {"kind": component.kind, **component.smallest_block()}
         values = {**self.model.model_validate(example).model_dump(), **changes}
         return self.model.model_validate(values)
 
+    def _unchanged(self) -> dict[str, Any]:
+        """Return the other keys of the manifest's example; a key may be written with its unit or without."""
+        names = {
+            key: name
+            for name, info in self.model.model_fields.items()
+            for key in (name, info.validation_alias)
+            if isinstance(key, str)
+        }
+        changed = {names.get(key, key) for key in self.changes}
+        return {
+            key: value for key, value in self.component.example.items() if names.get(key, key) not in changed
+        }
+
     def build(self, config: ComponentConfig | None = None) -> Any:
-        """A new instance of the component, with the example's config by default."""
+        """Return a new instance of the component, with the example's config by default."""
         return self.component.build(self.config if config is None else config)
 
 
 def once(make: Callable[Concatenate[Subject, P], T]) -> Callable[Concatenate[Subject, P], T]:
-    """Decorator: what a function makes of a subject (and further hashable arguments) is made by its first check."""
+    """Decorate a function of a subject (and further hashable arguments) to cache its result for later checks."""
 
     @functools.wraps(make)
     def shared(subject: Subject, *args: P.args, **kwargs: P.kwargs) -> T:
@@ -159,7 +178,7 @@ Status = Literal["passed", "failed", "skipped"]
 
 @dataclass(frozen=True)
 class CheckOutcome:
-    """What became of one check; `message` is empty where it passed."""
+    """Outcome of one check; `message` is "" if it passed."""
 
     interface: str
     kind: str
@@ -170,10 +189,10 @@ class CheckOutcome:
 
 
 @dataclass(frozen=True)
-class Check:
-    """One clause of an interface's contract as a function that raises when it is broken.
+class ConformanceCheck:
+    """One clause of an interface's contract as a function that raises if it is broken.
 
-    `declares` marks the first stage: manifest, config, signature. Where such a clause is broken the rest is not run.
+    `declares` marks the first stage: manifest, config, signature. If such a clause is broken the rest is not run.
     """
 
     interface: str
@@ -183,9 +202,12 @@ class Check:
     declares: bool = False
 
     def run(self, subject: Subject) -> None:
-        """Raise `CheckFailure` if the clause is broken, `CheckSkipped` if it cannot be judged here."""
+        """Raise `CheckFailure` if the clause is broken, `CheckSkipped` if it cannot be checked here."""
         try:
-            self.function(subject)
+            try:
+                self.function(subject)
+            except PluginFailureError as refused:  # a raised error has a place
+                raise refused.raised or refused from None
         except CheckSkipped:
             raise
         except MissingDependencyError as error:
@@ -197,10 +219,10 @@ class Check:
             failure = self._failure(subject, seen)
             failure.raised_at = ("ValidationError", seen, 0)
             raise failure from None
-        except Exception as error:  # whatever a plugin raises is its failure, not the suite's
+        except Exception as error:  # any exception of a plugin is its failure, not the suite's
             name, text = type(error).__name__, " ".join(str(error).split()) or "without a message"
             function, file, line = _raised_at(subject, error)
-            # Its place only where it was not raised on purpose.
+            # Its place only if it was not raised on purpose.
             where = "" if isinstance(error, PliantError) else f" in {function} ({file}:{line})"
             failure = self._failure(subject, f"it raised {name}{where}: {text}")
             failure.raised_at = (name, file, line)
@@ -214,7 +236,7 @@ class Check:
 
 
 def _raised_at(subject: Subject, error: Exception) -> tuple[str, str, int]:
-    """The last line of the plugin's package on the way to an error, else the last one: function, file, line."""
+    """Return the last line of the plugin's package in an error's traceback, else the last: function, file, line."""
     package = subject.component.implementation.partition(":")[0].partition(".")[0]
     frames = list(traceback.walk_tb(error.__traceback__))
     own = [at for at in frames if at[0].f_globals.get("__name__", "").partition(".")[0] == package]
@@ -223,26 +245,33 @@ def _raised_at(subject: Subject, error: Exception) -> tuple[str, str, int]:
 
 
 def _refusal(subject: Subject, error: ValidationError) -> str:
-    """What is wrong in a block that its model refused, in the sentences that a study would get."""
+    """Return the errors in a block that its model refused, in the sentences for a study."""
     model = subject.model if error.title == subject.model.__name__ else FrozenModel
     lines = sentences(error, model, lambda path: "", (subject.component.interface,)).splitlines()
     return f"{error.title} refuses its block: {' '.join(lines)}"
 
 
 def declared(function: CheckFunction) -> CheckFunction:
-    """Decorator: a check of the first stage."""
+    """Mark a check of the first stage."""
     vars(function)["declares"] = True
     return function
 
 
-def checks_for(interface: str) -> tuple[Check, ...]:
-    """All checks of an interface: those of the first stage, the common ones before its own, then the rest.
+def remarked(function: CheckFunction) -> CheckFunction:
+    """Mark a common check whose failure stops no other check."""
+    vars(function)["declares"] = False
+    return function
 
-    A check is a public function ``(subject: Subject) -> None`` of a module of this room; its docstring is the clause.
+
+def checks_for(interface: str) -> tuple[ConformanceCheck, ...]:
+    """Return all checks of an interface: those of the first stage, the common ones before its own, then the rest.
+
+    A check is a public function ``(subject: Subject) -> None`` of such a module; its docstring is a clause.
     """
     every = []
-    for room in ("common", interface, *MORE.get(interface, ())):
-        module = importlib.import_module(f"pliant.testing.{room}")
+    common = "pliant.testing.common"
+    for place in (common, *interfaces()[interface].checks):
+        module = importlib.import_module(place)
         for name, function in vars(module).items():
             own = inspect.isfunction(function) and function.__module__ == module.__name__
             if (
@@ -250,25 +279,50 @@ def checks_for(interface: str) -> tuple[Check, ...]:
                 and name[0] != "_"
                 and function.__annotations__ == {"subject": "Subject", "return": "None"}
             ):
-                first = room == "common" or "declares" in vars(function)
+                first = bool(vars(function).get("declares", place == common))
                 every.append(
-                    Check(interface, name, inspect.cleandoc(function.__doc__ or ""), function, first)
+                    ConformanceCheck(
+                        interface, name, inspect.cleandoc(function.__doc__ or ""), function, first
+                    )
                 )
     return tuple(sorted(every, key=lambda check: not check.declares))
 
 
-def run_checks(component: Component, progress: Progress | None = None) -> list[CheckOutcome]:
-    """Run a component's suite in stages; never raises for what the component does.
+def run_checks(
+    component: Component,
+    progress: Progress | None = None,
+    *,
+    changes: Mapping[str, Any] | None = None,
+    clauses: Collection[str] = (),
+) -> list[CheckOutcome]:
+    """Run a component's suite in stages; never raise for a failure of the component.
 
-    A broken clause of the first stage (manifest, config, signature; of a family its elements) stops the rest, and what
-    fails by the same line of the plugin as a check before it is not counted again: both are skipped, and say which
-    check names the cause.
+    A broken clause of the first stage (manifest, config, signature; for a family its elements) stops the rest, and a
+    failure by the same line of the plugin as an earlier check is not counted again: such checks are skipped with the
+    name of the check that states the cause.
+
+    Args:
+        component: under test.
+        progress: notified of each check.
+        changes: keys of its config, in a study's notation, that every config under test has.
+        clauses: names of the checks to run; all by default.
+
+    Raises:
+        UserError: a clause that the interface does not have, or changes that the config refuses.
     """
-    subject, checks = Subject(component), checks_for(component.interface)
+    subject, checks = Subject(component, changes or {}), checks_for(component.interface)
+    names = [check.name for check in checks]
+    for clause in clauses:
+        if clause not in names:
+            raise UserError(
+                f"{component.interface} has no clause '{clause}'{closest(clause, names)} Clauses: {', '.join(names)}."
+            )
+    checks = tuple(check for check in checks if not clauses or check.name in clauses)
+    _require_changes(subject)
     outcomes: list[CheckOutcome] = []
     first = ""
     causes: dict[tuple[str, str, int], str] = {}
-    with bar_of(progress or Silent(), "checks", len(checks)) as bar:
+    with open_progress_bar(progress or Silent(), "checks", len(checks)) as bar:
         for check in checks:
             bar.describe(check.name)
             started = time.perf_counter()
@@ -294,11 +348,22 @@ def run_checks(component: Component, progress: Progress | None = None) -> list[C
     return outcomes
 
 
+def _require_changes(subject: Subject) -> None:
+    """Raise `UserError` for changes that the config refuses; without changes the suite reports the error."""
+    if not subject.changes:
+        return
+    try:
+        subject.config  # noqa: B018 - validating is the test
+    except ValidationError as error:
+        lines = sentences(error, subject.model, lambda path: "", (subject.component.interface,)).splitlines()
+        raise UserError(f"{subject.component.label}: {' '.join(lines)}") from None
+
+
 def check_component(component: Component, interface: str | None = None) -> None:
-    """Run a component's suite in stages and raise `CheckFailure` with a sentence for each cause that it fails by.
+    """Run a component's suite in stages and raise `CheckFailure` with a sentence for each cause.
 
     Raises `CheckSkipped` with the cause if its package's requirements are not installed, and `CheckFailure`
-    if the component is not of the `interface` that is named.
+    if the component is not of the given `interface`.
     """
     if interface not in (None, component.interface):
         raise CheckFailure(f"{component.label} is no {interface}: use the suite of its own interface.")
@@ -310,7 +375,7 @@ def check_component(component: Component, interface: str | None = None) -> None:
         raise CheckFailure("\n".join(failed))
 
 
-# What a test made by `parametrize_with_checks` gets and calls.
+# Argument of a test by `parametrize_with_checks`, which the test calls.
 BoundCheck = Callable[[], None]
 
 
@@ -332,7 +397,7 @@ def parametrize_with_checks(components: Iterable[Component]) -> Any:
     return pytest.mark.parametrize("check", checks, ids=[f"{c.interface}-{c.kind}" for c in every])
 
 
-# One name per interface: the whole suite of a component that must be of this interface.
+# One name per interface: the whole suite for a component of this interface.
 check_family = functools.partial(check_component, interface="family")
 check_material = functools.partial(check_component, interface="material")
 check_fem = functools.partial(check_component, interface="fem")

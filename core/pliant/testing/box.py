@@ -1,4 +1,4 @@
-"""The box: a rectangular tube with its cavity off the axis, small enough to be solved in every check.
+"""Box for checks: a rectangular tube with its cavity off the axis, small enough to be solved in every check.
 
 For bending about y half of its width is meshed (y ≥ 0, mirror plane y = 0), and half of a module's length
 (`box_problem`); for several axes the whole module as one cell of a periodic chain (`spatial_box_problem`). With
@@ -62,8 +62,8 @@ class BoxModule:
         self.thrust_m2 = (1 - 2 * poisson) * a
 
     def layered_stiffness_n_m(self, factor: float) -> float:
-        """−∂τ/∂u with a floor that is `factor` times as stiff at the same ν: Σ E I / l about the weighted centroid."""
-        parts = (  # modulus, width, low, high; the cavity counts with minus
+        """Return −∂τ/∂u with a floor `factor` times as stiff at the same ν: Σ E I / l about the weighted centroid."""
+        parts = (  # modulus, width, low, high; the cavity is subtracted
             (factor, 2 * Y[-1], Z[0], Z[1]),
             (1.0, 2 * Y[-1], Z[1], Z[3]),
             (-1.0, 2 * Y[1], Z[1], Z[2]),
@@ -84,7 +84,7 @@ class BoxShape:
 def box_problem(
     shape: BoxShape = BoxShape(), refinement: int = 1, energy_scale: float = 4.0
 ) -> ModuleProblem:
-    """Half a module of the box, half its width; its angle is half the joint's."""
+    """Return half a module of the box, half its width; its angle is half the joint's."""
     return ModuleProblem(
         mesh=box_mesh(shape, refinement),
         span_m=shape.half_length_m,
@@ -96,7 +96,7 @@ def box_problem(
 
 
 def box_mesh(shape: BoxShape = BoxShape(), refinement: int = 1) -> ModuleMesh:
-    """Structured 27-node hexahedra of the half section, without those of the cavity."""
+    """Return structured 27-node hexahedra of the half section, without those of the cavity."""
     lines = (grid_lines(ends, refinement) for ends in ((0.0, shape.half_length_m), shape.y, shape.z))
     nodes, ids = numbered(block(*lines))
     cells = grid_cells(ids)
@@ -107,7 +107,7 @@ def box_mesh(shape: BoxShape = BoxShape(), refinement: int = 1) -> ModuleMesh:
 
 
 def layered_box_problem() -> ModuleProblem:
-    """The quarter box with its floor as the region `floor`."""
+    """Return the quarter box with its floor as the region `floor`."""
     problem = box_problem()
     mesh = problem.mesh
     floor = np.flatnonzero(mesh.nodes_m[mesh.cells[:, CENTRE], 2] < Z[1])
@@ -115,7 +115,7 @@ def layered_box_problem() -> ModuleProblem:
 
 
 def tendon_box_problem() -> ModuleProblem:
-    """The quarter box pulled by a tendon below it; its end section may rise as one."""
+    """Return the quarter box pulled by a tendon below it; its end section may rise as one."""
     return replace(
         box_problem(),
         tied={"end": (2,)},
@@ -125,10 +125,10 @@ def tendon_box_problem() -> ModuleProblem:
 
 
 def spatial_box_problem(refinement: int = 1) -> ModuleProblem:
-    """A whole module of the box, one cell of a periodic chain, that bends about y and z and twists.
+    """Return a whole module of the box, one cell of a periodic chain, that bends about y and z and twists.
 
     v is periodic, so that sections may warp. The pins remove the rigid motions of v: three shifts, and the
-    turn about x by a second node of the plane y = 0.
+    rotation about x by a second node of the plane y = 0.
     """
     mesh = spatial_box_mesh(refinement)
     ends = Link(mesh.node_sets["start"], mesh.node_sets["end"], {0: 1.0, 1: 1.0, 2: 1.0})
@@ -148,12 +148,12 @@ def spatial_box_problem(refinement: int = 1) -> ModuleProblem:
 
 
 def prismatic_box_problem() -> ModuleProblem:
-    """The whole module as a prismatic joint: it is stretched and does not turn."""
+    """Return the whole module as a prismatic joint, which extends without rotation."""
     return replace(spatial_box_problem(), axes=("x",), main_axis="x", joint="prismatic")
 
 
 def spatial_box_mesh(refinement: int = 1) -> ModuleMesh:
-    """The quarter's lattice with its mirror images: sections at x = 0 and x = l match node by node."""
+    """Return the quarter's lattice with its mirror images: sections at x = 0 and x = l match node by node."""
     length = 2 * HALF_LENGTH_M
     y_lines = (-Y[2], -Y[1], 0.0, Y[1], Y[2])
     lines = (grid_lines(ends, refinement) for ends in ((0.0, length / 2, length), y_lines, Z))
@@ -170,7 +170,7 @@ def spatial_box_mesh(refinement: int = 1) -> ModuleMesh:
 
 
 def tetrahedral(mesh: ModuleMesh) -> ModuleMesh:
-    """The same nodes and body with each hexahedron cut into six 10-node tetrahedra along its main diagonal (Kuhn).
+    """Return the same body with each hexahedron cut into six 10-node tetrahedra along its main diagonal (Kuhn).
 
     All cells must belong to one structured grid, or the diagonals of common faces would cross.
     """

@@ -7,40 +7,17 @@ import os
 import subprocess
 import sys
 from functools import partial
-from typing import Any, get_args
+from typing import get_args
 
 from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError
-from pliant.interfaces.effect import Effect
-from pliant.interfaces.family import ActuatorFamily
-from pliant.interfaces.fem import FEMBackend
-from pliant.interfaces.material import Material
-from pliant.interfaces.meta_model import MetaModel
-from pliant.interfaces.optimizer import Optimizer
-from pliant.interfaces.physics import PhysicsBackend
-from pliant.interfaces.surrogate import Surrogate
-from pliant.interfaces.task import SceneTask, Task
-from pliant.interfaces.viewer import Viewer
-from pliant.registry.component import CONFIG_BASES
 from pliant.registry.discovery import discover
 from pliant.registry.files import FILE_MODULE
-from pliant.testing import Finding, Subject, require, require_refused
+from pliant.registry.interface import interfaces
+from pliant.testing import Finding, Subject, remarked, require, require_refused
 from pliant.units import UNIT_SUFFIXES, quantities_in
 
-# Interface → the classes of which a component's implementation subclasses one.
-IMPLEMENTATIONS: dict[str, tuple[type[Any], ...]] = {
-    "family": (ActuatorFamily,),
-    "material": (Material,),
-    "fem": (FEMBackend,),
-    "surrogate": (Surrogate,),
-    "meta_model": (MetaModel,),
-    "effect": (Effect,),
-    "physics": (PhysicsBackend,),
-    "task": (Task, SceneTask),
-    "optimizer": (Optimizer,),
-    "viewer": (Viewer,),
-}
 HEAVY = """
     cma jax matplotlib meshio mujoco ngsolve numba optuna pybullet pypardiso skfem sklearn tensorflow torch
     trimesh
@@ -76,7 +53,7 @@ def config_refuses_unknown_keys(subject: Subject) -> None:
 
 
 def config_is_frozen(subject: Subject) -> None:
-    """configs are frozen: what provenance stores is what ran."""
+    """configs are frozen, so that provenance stores the config that ran."""
     config = subject.config
     for name in subject.model.model_fields:
         require_refused(
@@ -116,7 +93,7 @@ def config_imports_nothing_heavy(subject: Subject) -> None:
     require(not heavy, f"{module} imports {heavy}: move that import to the implementation's module")
 
 
-# Prints a line for each statement given: the top-level names that an interpreter imports for it, and the error.
+# Prints a line for each given statement: the top-level names that an interpreter imports for it, and the error.
 FRESH = """
 import json, os, sys
 sys.path[:0], statements = json.loads(sys.argv[1])
@@ -142,16 +119,15 @@ _KNOWN: dict[str, tuple[set[str], str]] = {}
 
 
 def _imports(module: str) -> tuple[set[str], str]:
-    """What a fresh interpreter imports for a module, and the error.
+    """Return the imports of a fresh interpreter for a module, and the error.
 
-    One interpreter serves the configs of the whole package where processes can be forked: a start takes longer than
-    all the rest.
+    If processes can be forked, one interpreter serves the configs of the whole package, since its start takes longest.
     """
     if module not in _KNOWN:
         top = module.partition(".")[0]
         others = {c.config.partition(":")[0] for c in discover().components} if hasattr(os, "fork") else set()
         asked = sorted({module, *(name for name in others if name.partition(".")[0] == top)} - set(_KNOWN))
-        given = json.dumps([sys.path, [_import_of(name) for name in asked]])
+        given = json.dumps([sys.path, [_import_statement(name) for name in asked]])
         command = [sys.executable, "-c", FRESH, given]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         for name, line in zip(asked, done.stdout.splitlines(), strict=True):
@@ -160,17 +136,17 @@ def _imports(module: str) -> tuple[set[str], str]:
     return _KNOWN[module]
 
 
-def _import_of(module: str) -> str:
-    """How a fresh interpreter gets at a module: by its name, or as the file that `plugins` lists."""
+def _import_statement(module: str) -> str:
+    """Return the import statement of a module in a fresh interpreter: by its name, or as a file of `plugins`."""
     if not module.startswith(FILE_MODULE):
         return f"import {module}"
     file = sys.modules[module].__file__
-    return f"import pathlib, pliant.registry.files as files; files.components_of(pathlib.Path({file!r}))"
+    return f"import pathlib, pliant.registry.files as files; files.load_components(pathlib.Path({file!r}))"
 
 
 def implementation_fills_the_interface(subject: Subject) -> None:
     """the implementation is a concrete subclass of its interface, built by `Class(config)`."""
-    bases = IMPLEMENTATIONS[subject.component.interface]
+    bases = interfaces()[subject.component.interface].base_classes()
     try:
         built = subject.build()
     except InvalidDesignError as error:
@@ -195,12 +171,14 @@ def building_leaves_the_config_alone(subject: Subject) -> None:
     )
 
 
+@remarked
 def describes_itself(subject: Subject) -> None:
     """`summary` is one line for `pliant plugins`; config and implementation have docstrings."""
     component = subject.component
     summary = component.summary
     require(summary.strip() and "\n" not in summary, f"the summary is {summary!r}, not one line")
-    bases = (CONFIG_BASES[component.interface], *IMPLEMENTATIONS[component.interface])
+    interface = interfaces()[component.interface]
+    bases = (interface.config_class(), *interface.base_classes())
     for thing in (subject.model, type(subject.build())):
         own = thing.__dict__.get("__doc__")
         require(

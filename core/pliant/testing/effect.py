@@ -1,6 +1,6 @@
-"""Checks of an `Effect`: it vanishes where it says so, acts where it says so, and leaves the model alone.
+"""Checks of an `Effect`: it vanishes and acts as declared, and does not change the given model.
 
-Law terms in `effect_terms`; that a diagnosis finds it in `effect_found`.
+Law terms are checked in `effect_terms`, identification by a diagnosis in `effect_found`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from pliant.interfaces.effect import Effect, Model, Origin, Place, Readings
 from pliant.interfaces.task import Task, TaskConfig
+from pliant.pipeline.engine_checks import require_histories
 from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
 from pliant.records.rollout import Inputs, Rollout, TaskResult
@@ -25,7 +26,7 @@ from pliant.testing.effect_bench import (
     applied,
     follower,
     history_numbers,
-    inputs_of,
+    model_inputs,
     parameters,
     probe_readings,
     probe_run,
@@ -43,7 +44,7 @@ PLACES = get_args(Place)
 
 
 class ProbeTask(Task):
-    """Raises and releases the pressure and reports angles as a bench would."""
+    """Task that raises and releases the pressure and reports angles as in a laboratory test."""
 
     def run(self, simulation: Any) -> TaskResult:
         levels, settled = PRESSURES[[1, 4, 2]], []
@@ -78,8 +79,8 @@ def declares_place_and_parameters(subject: Subject) -> None:
 
 @declared
 def has_a_strength(subject: Subject) -> None:
-    """at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it; none where
-    `fitted` is False."""
+    """at least one parameter is a `strength`, at whose neutral value the effect vanishes and which calibration fits;
+    none if `fitted` is False."""
     roles = {p.name: p.role for p in parameters(subject)}
     if not type(subject.build()).fitted:
         require(not roles, f"fitted is False, and yet {', '.join(roles)} may be fitted: drop one of the two")
@@ -92,7 +93,7 @@ def has_a_strength(subject: Subject) -> None:
 
 @declared
 def says_where_a_simpler_form_is_enough(subject: Subject) -> None:
-    """a shape whose neutral value is a bound says by `simpler` what form is enough there."""
+    """a shape whose neutral value is a bound states by `simpler` which form is enough there."""
     for p in parameters(subject):
         if p.role == "shape" and p.neutral in p.bounds:
             how = f'write simpler={{{p.neutral:g}: "…"}} into its `parameter(…)`, such as "one volume is enough"'
@@ -107,13 +108,18 @@ def says_which_recordings_it_suits(subject: Subject) -> None:
     """`unsuited` gives no reason for a run that has every input, load and condition, and texts otherwise; `origin` is
     physics or bench."""
     effect, chain = subject.build(), sample_model(subject).chain
-    names = inputs_of(sample_model(subject))
-    bare = History.of(dict.fromkeys(names, 0.0))
+    names = model_inputs(sample_model(subject))
+    bare = History.from_arrays(dict.fromkeys(names, 0.0))
     for histories in ([probe_run(inputs=names)], [bare]):
         reason = effect.unsuited(chain, histories)
         require(isinstance(reason, str), f"unsuited returned {reason!r}, no text")
-    reason = effect.unsuited(chain, [probe_run(inputs=names)])
-    require(not reason, f"it says of a run that has everything: '{reason}'; no diagnosis would ever try it")
+    inclined = chain.with_(gravity_m_s2=np.array([3.0, 0.0, -9.34]))
+    reasons = [effect.unsuited(one, [probe_run(inputs=names)]) for one in (chain, inclined)]
+    require(
+        not all(reasons),
+        f"it says of a run that has everything, on a level bench and on an inclined one: '{reasons[0]}'; no diagnosis "
+        "would ever try it",
+    )
     origins = get_args(Origin)
     require(
         effect.notes.origin in origins, f"origin is '{effect.notes.origin}', not one of {', '.join(origins)}"
@@ -145,7 +151,7 @@ def neutral_values_change_nothing(subject: Subject) -> None:
 
 
 def plausible_values_change_something(subject: Subject) -> None:
-    """within the plausible range each parameter can be seen."""
+    """within the plausible range each parameter has a visible effect."""
     place = type(subject.build()).place
     for p in parameters(subject):
         one, two = (SIGHTS[place](applied(subject, {**strong(subject), p.name: x})) for x in p.plausible)
@@ -154,7 +160,7 @@ def plausible_values_change_something(subject: Subject) -> None:
 
 
 def acts_only_at_its_place(subject: Subject) -> None:
-    """an effect acts at its `place` only: an input effect leaves laws, chain and outputs alone, and so on."""
+    """an effect acts at its `place` only: an input effect does not change laws, chain and outputs, and so on."""
     place = type(subject.build()).place
     plain, changed = sample_model(subject), applied(subject, strong(subject))
     for other in set(PLACES) - {place}:
@@ -176,7 +182,7 @@ def leaves_the_model_alone(subject: Subject) -> None:
 
 
 def keeps_earlier_effects(subject: Subject) -> None:
-    """effects compose: the maps, laws and law terms of effects applied before stay and come first."""
+    """effects compose: the maps, laws and law terms of effects applied before are kept and come first."""
 
     def doubled(history: History) -> History:
         return history.with_(moment_n_m=2 * history.moment_n_m)
@@ -201,10 +207,10 @@ def keeps_earlier_effects(subject: Subject) -> None:
 
 
 def input_maps_keep_the_run(subject: Subject) -> None:
-    """an input map returns a `History` of the same run, as long and finite, and leaves its own alone."""
+    """an input map returns a `History` of the same run and length, finite, and does not change its argument."""
     for timed in (True, False):
         for change in applied(subject, strong(subject)).inputs:
-            history = probe_run(timed=timed, inputs=inputs_of(sample_model(subject)))
+            history = probe_run(timed=timed, inputs=model_inputs(sample_model(subject)))
             before = history_numbers(history)
             changed = change(history)
             require(isinstance(changed, History), f"an input map returned {changed!r}, no History")
@@ -220,7 +226,7 @@ def input_maps_keep_the_run(subject: Subject) -> None:
 
 
 def output_maps_keep_the_readings(subject: Subject) -> None:
-    """an output map keeps every reading, by name and shape, and leaves its own alone."""
+    """an output map keeps every reading, by name and shape, and does not change its argument."""
     for change in applied(subject, strong(subject)).outputs:
         readings = probe_readings()
         changed = change(readings)
@@ -254,8 +260,8 @@ def a_run_shows_it(subject: Subject) -> None:
     """a run in an engine that follows histories shows the effect, finite and converged."""
     engine, seen = follower(subject), []
     for model in (applied(subject, strong(subject)), sample_model(subject)):
-        reached = model.commanded(probe_run(inputs=inputs_of(model)))
-        followed = engine.follow(model.chain, [reached])[0][0]
+        reached = model.commanded(probe_run(inputs=model_inputs(model)))
+        followed = require_histories(engine).follow(model.chain, [reached])[0][0]
         lost = int(np.sum(np.logical_not(followed.converged)))
         require(lost == 0, f"{lost} samples of a run find no equilibrium")
         seen.append(reading_numbers(run_readings(model, followed.joint_angles, reached)))

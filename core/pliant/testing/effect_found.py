@@ -1,7 +1,7 @@
-"""The check that an effect is found again: hidden in readings of its exciting runs, the diagnosis names it.
+"""Check that a diagnosis identifies an effect that is hidden in readings of its exciting runs.
 
-The bench is a chain of three modules and two specimens of it, with coloured noise on every sensor. Beside the effect
-stand its look-alike and a few general kinds that are installed.
+The test object is a chain of three modules and two specimens of it, with coloured noise on every sensor. The candidates
+are the effect, its look-alike and a few installed general kinds.
 """
 
 from __future__ import annotations
@@ -21,27 +21,28 @@ from pliant.experiments.experiment_catalogue import BUILDERS, timed_catalogue
 from pliant.experiments.planned_run import BenchScale, PlannedRun
 from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig, EffectParameter
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 from pliant.registry.discovery import Registry, discover
 from pliant.store.store import ArtifactStore
 from pliant.testing import CheckSkipped, Subject, once, require
-from pliant.testing.effect_bench import follower, parameters, sample_model
+from pliant.testing.effect_bench import follower, model_inputs, parameters, probe_run, sample_model
 from pliant.testing.samples import PRESSURE_PA
 
 PLAIN_RUNS = ("slow_cycles", "fast_cycles", "passive_load_steps")
 GENERAL = ("stiffness", "actuation_gain", "viscoelastic", "friction_hysteresis", "sensor_bias")
 SPECIMENS = ("A", "B")
 PAYLOAD_KG = 0.01
+INCLINED_M_S2 = np.array([3.0, 0.0, -9.34])
 # Noise of an angle in rad and of a position as a share of the chain's length; correlation of neighbouring samples.
 ANGLE_RAD, POSITION_SHARE, CORRELATION = 2e-3, 2e-3, 0.6
 SEED = 3
 
 
 def is_found_when_injected(subject: Subject) -> None:
-    """hidden in its `exciting` runs and a few plain ones, it is named, or a class of look-alikes that holds it."""
+    """hidden in its `exciting` and a few plain runs, the effect is identified, or a class of look-alikes with it."""
     kind, effect = subject.component.kind, type(subject.build())
     if not effect.fitted:
         raise CheckSkipped("its numbers are data: it is no candidate of a diagnosis")
@@ -53,7 +54,7 @@ def is_found_when_injected(subject: Subject) -> None:
     left = found.judgement.credible
     single = {kinds[0] for kinds in left if len(kinds) == 1}
     classes = [set(one.kinds) for one in found.classes if kind in one.kinds]
-    # All that is left are single effects of one class, stated without readings, that has the kind.
+    # The remaining candidates are single effects of one class, stated without readings, that has the kind.
     of_its_class = (kind,) in left and len(single) == len(left) and any(single <= one for one in classes)
     require(found.verdict == "ambiguous" and of_its_class, _told(subject, found))
     twin = effect.notes.look_alike
@@ -62,7 +63,7 @@ def is_found_when_injected(subject: Subject) -> None:
 
 
 def _exciting_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRun, ...]:
-    """The effect's `exciting` runs and the plain ones, at the scale of the sample chain; new specimens first."""
+    """Return the effect's `exciting` runs and the plain ones, at the scale of the sample chain; new specimens first."""
     known = list(BUILDERS)
     require(
         names,
@@ -71,7 +72,7 @@ def _exciting_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRun, 
     )
     for name in names:
         require(name in known, f"exciting names '{name}', which is no run of the menu{closest(name, known)}")
-    possible = {run.name: run for run in timed_catalogue(BenchScale.of_chain(_chain(subject), PRESSURE_PA))}
+    possible = {run.name: run for run in timed_catalogue(BenchScale.from_chain(_chain(subject), PRESSURE_PA))}
     none = f"none of its exciting runs ({', '.join(names)}) can be done on a chain driven by its input"
     require(any(name in possible for name in names), none)
     chosen = [possible[name] for name in dict.fromkeys((*names, *PLAIN_RUNS)) if name in possible]
@@ -79,7 +80,7 @@ def _exciting_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRun, 
 
 
 def _injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
-    """Readings of two specimens that have the effect at its typical strength."""
+    """Return the readings of two specimens that have the effect at its typical strength."""
     outputs = tuple(dict.fromkeys(("angle_rad", *(name for run in runs for name in run.adds))))
     blank = []
     for specimen in SPECIMENS:
@@ -104,9 +105,9 @@ def _injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
 
 
 def _typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
-    """Strengths halfway from neutral to the far end of the plausible range, the rest in the middle of it.
+    """Return strengths halfway from neutral to the far end of the plausible range, others in the middle of it.
 
-    The middle is geometric where the prior is log-normal.
+    The middle is geometric for a log-normal prior.
     """
     values = {}
     for p in declared:
@@ -118,7 +119,7 @@ def _typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
 
 
 def _candidates(subject: Subject) -> tuple[str, ...]:
-    """The effect, its look-alike and the general kinds, where they are installed."""
+    """Return the effect, its look-alike and the general kinds, if they are installed."""
     installed = set(_registry(subject).kinds("effect"))
     asked = dict.fromkeys((subject.component.kind, type(subject.build()).notes.look_alike, *GENERAL))
     found = tuple(one for one in asked if one in installed)
@@ -128,24 +129,27 @@ def _candidates(subject: Subject) -> tuple[str, ...]:
 
 
 def _chain(subject: Subject) -> ChainModel:
-    return sample_model(subject, payload=PAYLOAD_KG).chain
+    """Return the sample chain; on an inclined bench for an effect that a level one cannot have."""
+    chain = sample_model(subject, payload=PAYLOAD_KG).chain
+    everything = [probe_run(inputs=model_inputs(sample_model(subject)))]
+    return chain.with_(gravity_m_s2=INCLINED_M_S2) if subject.build().unsuited(chain, everything) else chain
 
 
 def _predictor(subject: Subject, measurement: Measurement) -> Predictor:
-    bench = Workbench(_registry(subject), ArtifactStore(Path(".pliant/store")))
+    bench = RunContext(_registry(subject), ArtifactStore(Path(".pliant/store")))
     return Predictor(bench, follower(subject), _chain(subject), measurement)
 
 
 @once
 def _registry(subject: Subject) -> Registry:
-    """What is installed, with the component under test in place of its namesake."""
+    """Return the installed plugins, with the component under test in place of its namesake."""
     mine = subject.component
     others = (c for c in discover().components if (c.interface, c.kind) != (mine.interface, mine.kind))
     return Registry((*others, mine))
 
 
 def _noisy(rng: np.random.Generator, name: str, values: Array, length_m: float) -> Array:
-    """Values (t,) with stationary first-order autoregressive noise."""
+    """Return values (t,) with stationary first-order autoregressive noise."""
     sigma = POSITION_SHARE * length_m if POSITION.fullmatch(name) else ANGLE_RAD
     noise = rng.normal(0.0, sigma, len(values))
     for k in range(1, len(noise)):

@@ -1,4 +1,4 @@
-"""Checks of an effect's law terms: memory, time, stability, energy, and that compiled they are the same.
+"""Checks of an effect's law terms: memory, time, stability, energy, and equality of the compiled form.
 
 An effect that adds no law term passes them all.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from pliant.interfaces.effect import Model
 from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.inertia import mass_matrix
+from pliant.pipeline.engine_checks import require_histories
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -23,7 +24,7 @@ from pliant.testing.effect_bench import (
     both_ends,
     follower,
     hinge,
-    inputs_of,
+    model_inputs,
     probe_motion,
     probe_run,
     sample_model,
@@ -32,10 +33,10 @@ from pliant.testing.effect_bench import (
 from pliant.testing.histories import HeldMotion, drive, follow_joint, triangles
 from pliant.testing.samples import PRESSURE_PA
 
-# Steps that occur: duplicate times, fast logging, a bench at 10 Hz, a night, a state of its own.
+# Steps that occur: duplicate times, fast logging, 10 Hz, a night, a separate state.
 DURATIONS = (0.0, 1e-9, 0.1, 5e4, math.inf)
 AGREEMENT_RAD = 1e-5
-# Refining a run's samples may change what a term gives by this share of its largest value.
+# Allowed change of a term by refining a run's samples, relative to its largest value.
 SAMPLING_SHARE = 0.05
 LET_GO_RAD = 0.05
 ANGLES_RAD = (-0.3, 0.0, 0.4)
@@ -47,7 +48,7 @@ def _value(term: LawTerm, angle: float, rate: float, dt_s: float, old: Array, ne
 
 
 def _pasts(chain: ChainModel) -> Iterator[tuple[LawTerm, Array]]:
-    """Each term with states that it reaches on the way of the probe motion."""
+    """Yield each term with states that it reaches during the probe motion."""
     states = drive(chain, probe_motion()).states
     first = 0
     for term in chain.terms:
@@ -98,10 +99,10 @@ def terms_are_the_same_compiled(subject: Subject) -> None:
     chain = hinge(subject, strong(subject))
     if not chain.terms:
         return
-    inputs = inputs_of(Model(chain))
+    inputs = model_inputs(Model(chain))
     runs = [probe_run(name, body, inputs=inputs) for name, body in (("1", "a"), ("2", "b"), ("3", "a"))]
     runs.append(probe_run("4", "c", timed=False, inputs=inputs))
-    compiled = [f.joint_angles[:, 0, 0] for f in follower(subject).follow(chain, runs)[0]]
+    compiled = [f.joint_angles[:, 0, 0] for f in require_histories(follower(subject)).follow(chain, runs)[0]]
     plain = follow_joint(chain, runs)
     for run, there, here in zip(runs, compiled, plain, strict=True):
         where = f"in the engine and in plain Python differ in run {run.run}, specimen {run.specimen}"
@@ -121,10 +122,10 @@ def terms_keep_the_joint_stable(subject: Subject) -> None:
 
 
 def terms_make_no_energy(subject: Subject) -> None:
-    """a law term takes no energy from nowhere: around a repeated cycle of the joint ∮ τ' du ≤ 0."""
+    """a law term creates no energy: around a repeated cycle of the joint ∮ τ' du ≤ 0."""
     for values, rate, actuation in product(both_ends(subject), (0.5, 0.05), (0.0, 0.6 * PRESSURE_PA)):
         time_s, angle = triangles((0.5, -0.2, 0.0) * 3, rate, 0.01 / rate)
-        effort = drive(hinge(subject, values), HeldMotion.of(time_s, angle, actuation)).effort
+        effort = drive(hinge(subject, values), HeldMotion.from_angles(time_s, angle, actuation)).effort
         last = slice(2 * (len(angle) - 1) // 3, None)
         work = float(np.trapezoid(effort[last], angle[last]))
         passed = float(np.sum(np.abs(effort[last][1:] * np.diff(angle[last]))))
@@ -135,7 +136,7 @@ def terms_make_no_energy(subject: Subject) -> None:
 
 
 def terms_do_not_count_samples(subject: Subject) -> None:
-    """what a law term gives does not depend on how finely a run is sampled."""
+    """the value of a law term does not depend on how finely a run is sampled."""
     chain = hinge(subject, strong(subject))
     if any(term.is_inertia for term in chain.terms):
         _swings_alike(chain)
@@ -143,9 +144,11 @@ def terms_do_not_count_samples(subject: Subject) -> None:
     bare, given = sample_model(subject, 1, gravity=(0, 0, 0)).chain, []
     for step_s in (0.1, 0.025):
         time_s, angle = triangles((0.6, -0.2, 0.3), 0.1, step_s, holds_s=3.0)
-        own, plain = (drive(c, HeldMotion.of(time_s, angle, 9e3, 35.0)).effort for c in (chain, bare))
+        own, plain = (
+            drive(c, HeldMotion.from_angles(time_s, angle, 9e3, 35.0)).effort for c in (chain, bare)
+        )
         given.append((own - plain)[:: round(0.1 / step_s)])
-    # At a corner of the motion the rate jumps, and the sample stands on either side of it.
+    # At a corner of the motion the rate jumps, and the sample may be on either side of it.
     off = float(np.sort(np.abs(given[1] - given[0]))[:-8].max(initial=0.0))
     largest = float(np.abs(given[0]).max())
     change = f"four times as many samples change the term's part by {off:.3g} N·m of {largest:.3g}"
@@ -154,17 +157,17 @@ def terms_do_not_count_samples(subject: Subject) -> None:
 
 
 def _swings_alike(chain: ChainModel) -> None:
-    """Corners of a prescribed motion would take infinite moments: the joint is let go and swings instead."""
+    """Check a free swing instead, since corners of a prescribed motion would need infinite moments."""
     still = np.zeros((1, 1))
     inertia = float(mass_matrix(chain, still)[0, 0])
-    inputs = dict.fromkeys(inputs_of(Model(chain)), 0.0)
+    inputs = dict.fromkeys(model_inputs(Model(chain)), 0.0)
     stiffness = -float(JointEfforts(chain).evaluate(still, inputs).dtau_du[0, 0, 0])
     period = 2.0 * math.pi * math.sqrt(inertia / stiffness)
     paths = []
     for samples in (60, 240):
         time_s = np.arange(2 * samples + 1) * period / samples
         load = LET_GO_RAD * stiffness * np.maximum(1.0 - 4.0 * time_s / period, 0.0)
-        (path,) = follow_joint(chain, [History.of(inputs, time_s, moment_n_m=load)])
+        (path,) = follow_joint(chain, [History.from_arrays(inputs, time_s, moment_n_m=load)])
         paths.append(path[:: samples // 60])
     off, largest = float(np.abs(paths[1] - paths[0]).max()), float(np.abs(paths[0]).max())
     what = f"a swing of {largest:.3g} rad, sampled 60 and 240 times in its period, differs by {off:.3g} rad"

@@ -1,4 +1,4 @@
-"""Checks of an `ActuatorFamily`: a valid mesh, masses that fit it, bad designs refused."""
+"""Checks of an `ActuatorFamily`: a valid mesh, consistent masses, refusal of invalid designs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError, UserError
-from pliant.families import lengths_of
+from pliant.families import design_lengths
 from pliant.interfaces.family import ActuatorFamily
+from pliant.interfaces.material import Material
 from pliant.meshing.cells import cell_volumes
 from pliant.meshing.soundness import (
     body_found,
@@ -27,19 +28,45 @@ from pliant.records.actuation import expected, is_known
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.law import EXTENSIBLE_AXES, N_AXES
-from pliant.testing import Finding, Subject, agree, declared, once, require, require_refused
+from pliant.registry.discovery import discover
+from pliant.testing import CheckSkipped, Finding, Subject, agree, declared, once, require, require_refused
+from pliant.testing.joint_laws import (
+    require_exact_slopes,
+    require_joints_apart,
+    require_potential,
+    require_same_compiled,
+)
 from pliant.units import quantities_in
 
-# Meshes follow curved walls by quadratic faces; this share of the volume may be lost.
+# Meshes approximate curved walls by quadratic faces; allowed error of the volume.
 VOLUME_TOLERANCE = 0.02
 DENSITY = 1000.0
-DENSER = 3.0  # times as dense, for comparison
+DENSER = 3.0  # ratio of densities, for comparison
 
 
 @once
 def _problem(subject: Subject) -> ModuleProblem:
-    problem: ModuleProblem = subject.build().problem()
-    return problem
+    return _require_problem(subject, subject.build())
+
+
+def _require_problem(subject: Subject, family: ActuatorFamily) -> ModuleProblem:
+    """Return the family's problem; skip the check for a family that has a law in closed form and no problem."""
+    if not family.has_mesh and family.closed_form(_rubber()) is not None:
+        raise CheckSkipped(f"{subject.component.label} has no mesh: its law is a closed form")
+    return family.problem()
+
+
+def _rubber() -> Material:
+    """Return the material for closed forms."""
+    component = discover().get("material", "neo_hookean")
+    block = {
+        "kind": "neo_hookean",
+        "shear_modulus": "200 kPa",
+        "poisson_ratio": 0.49,
+        "density": "1100 kg/m^3",
+    }
+    made: Material = component.build(component.config_model().model_validate(block))
+    return made
 
 
 @once
@@ -53,7 +80,7 @@ def _volume(problem: ModuleProblem) -> float:
 
 
 def _has_rigid_ends(subject: Subject) -> bool:
-    """Whether the module is longer than its solved pieces."""
+    """Return whether the module is longer than its solved pieces."""
     problem, length = _problem(subject), float(subject.build().module_length_m)
     return problem.deformation_scale * problem.span_m < (1 - 1e-9) * length
 
@@ -83,7 +110,7 @@ def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
 
 
 def cavity_is_closed(subject: Subject) -> None:
-    """a cavity's faces enclose a hollow with the end sections and mirror planes; none of them lies in such a plane."""
+    """a cavity's faces enclose a hollow with the end sections and mirror planes; none of them is in such a plane."""
     _require_none(hollows_found(_problem(subject)))
 
 
@@ -104,6 +131,7 @@ def couplings_are_possible(subject: Subject) -> None:
 
 def refinement_refines(subject: Subject) -> None:
     """`refinement` multiplies the elements along each edge of the same body, or the family says `refines = False`."""
+    _problem(subject)
     if not subject.build().refines:
         require_refused(
             lambda: subject.build().problem(refinement=2),
@@ -122,7 +150,7 @@ def refinement_refines(subject: Subject) -> None:
 
 
 def piece_fits_the_module(subject: Subject) -> None:
-    """the module is deformation_scale solved pieces long, rigid ends aside: scale · span ≤ module length."""
+    """the module is as long as deformation_scale solved pieces, plus rigid ends: scale · span ≤ module length."""
     family: ActuatorFamily = subject.build()
     problem = _problem(subject)
     require(family.module_length_m > 0, f"module_length_m is {family.module_length_m}")
@@ -161,7 +189,7 @@ def axes_fit_the_joint(subject: Subject) -> None:
     require(family.actuation == problem.actuation, same)
 
 
-def mass_is_that_of_the_mesh(subject: Subject) -> None:
+def mass_matches_the_mesh(subject: Subject) -> None:
     """the module's mass is density · (energy_scale · volume of the solved piece + unmeshed_volume_m3); rigid ends
     add their own."""
     problem, unmeshed = _problem(subject), float(subject.build().unmeshed_volume_m3)
@@ -176,7 +204,7 @@ def mass_is_that_of_the_mesh(subject: Subject) -> None:
     require(light > soft * (1 - 1e-9), f"the rigid ends' mass is {light - soft:.3g} kg")
 
 
-def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
+def smaller_pieces_share_the_module(subject: Subject) -> None:
     """`problem(axes=(main,))` is a piece of the same module: equal length and volume in all, one axis."""
     whole = _problem(subject)
     main = whole.main_axis
@@ -196,7 +224,7 @@ def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
     _require_none(cells_found(piece.mesh), "in the piece for the main axis alone, ")
 
 
-def regions_are_cells_of_the_mesh(subject: Subject) -> None:
+def regions_are_mesh_cells(subject: Subject) -> None:
     """`mesh.regions` are the family's `regions`: cells of the mesh, none in two."""
     family: ActuatorFamily = subject.build()
     mesh = _problem(subject).mesh
@@ -224,7 +252,7 @@ def mass_counts_regions_with_their_density(subject: Subject) -> None:
 
 
 def mass_scales_with_density(subject: Subject) -> None:
-    """masses are positive and proportional to the density, as are inertias, but for what rigid ends add."""
+    """masses and inertias are positive and proportional to the density, except for rigid ends."""
     masses = [_mass(subject, factor) for factor in (1.0, DENSER, 2 * DENSER - 1)]
     for name in ("start", "end"):
         pieces: list[MassProperties] = [getattr(mass, name) for mass in masses]
@@ -242,13 +270,13 @@ def mass_scales_with_density(subject: Subject) -> None:
 
 
 def _about_joint(piece: MassProperties) -> Array:
-    """Inertia about the module frame's origin (parallel axes)."""
+    """Return the inertia about the module frame's origin (parallel axes)."""
     com = piece.com_m
     return piece.inertia_kg_m2 + piece.mass_kg * (com @ com * np.eye(3) - np.outer(com, com))
 
 
 def inertia_is_physical(subject: Subject) -> None:
-    """inertias are about the centre of mass and those of a real body."""
+    """inertias are about the centre of mass and physically possible."""
     length = subject.build().module_length_m
     size = float(np.ptp(_problem(subject).mesh.nodes_m, axis=0).max())
     for name in ("start", "end"):
@@ -264,12 +292,44 @@ def inertia_is_physical(subject: Subject) -> None:
 
 
 def halves_are_in_their_places(subject: Subject) -> None:
-    """`start` lies at x in [−l/2, 0] and `end` at x in [0, l/2], in the module frame."""
+    """`start` has x in [−l/2, 0] and `end` has x in [0, l/2], in the module frame."""
     half, mass = subject.build().module_length_m / 2, _mass(subject)
     for name, low, high in (("start", -half, 0.0), ("end", 0.0, half)):
         x = float(getattr(mass, name).com_m[0])
         place = f"the {name} half's centre of mass is at x = {x:.6g} m, not in [{low:.6g}, {high:.6g}]"
         require(low <= x <= high, place)
+
+
+def closed_form_matches_the_module(subject: Subject) -> None:
+    """a law in closed form has the family's joint, axes and actuation, a bounded domain, exact slopes and an energy."""
+    family: ActuatorFamily = subject.build()
+    law = family.closed_form(_rubber())
+    if law is None:
+        require(family.has_mesh, "the family has neither a problem nor a law in closed form")
+        raise CheckSkipped(f"{subject.component.label} has no law in closed form")
+    got, wanted = (
+        (one.joint, tuple(one.axes), name)
+        for one, name in ((law, law.actuation_name), (family, family.actuation))
+    )
+    require(got == wanted, f"joint, axes and actuation of the law are {got}, of the family {wanted}")
+    box = law.domain.box
+    require(np.all(np.isfinite(box)), "the law's domain has no limits: extrapolation would not be flagged")
+    m = len(law.actuations)
+    values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(11).uniform(0.05, 0.95, (20, len(box)))
+    p, u = np.ascontiguousarray(values[:, 0 if m == 1 else slice(m)]), np.ascontiguousarray(values[:, m:])
+    require_exact_slopes(law, p, u, rtol=1e-4)
+    require_potential(law, p, u, rtol=1e-3)
+    require_joints_apart(law, p, u)
+    require_same_compiled(law)
+    rest = law.evaluate(law.unactuated(1), np.zeros((1, len(law.axes))))
+    agree(
+        rest.tau,
+        np.zeros_like(rest.tau),
+        "τ at rest is not zero",
+        atol=1e-9 * np.abs(law.evaluate(p, u).tau).max(),
+    )
+    softest = np.linalg.eigvalsh(-(rest.dtau_du[0] + rest.dtau_du[0].T) / 2).min()
+    require(softest > 0, f"−∂τ/∂u at rest is {softest:.3g}: the module is unstable")
 
 
 def parameters_have_units(subject: Subject) -> None:
@@ -281,12 +341,14 @@ def parameters_have_units(subject: Subject) -> None:
 
 
 def impossible_designs_are_refused(subject: Subject) -> None:
-    """an impossible design (a length of 0 is, unless its field says `ge=0`) raises `InvalidDesignError` with the
-    inequality and by how much."""
+    """an impossible design (a length of 0, unless its field says `ge=0`) raises `InvalidDesignError` with the
+    inequality and its violation."""
 
     def made(changes: dict[str, float]) -> None:
         with contextlib.suppress(ValidationError):
-            subject.build(subject.configured(changes)).problem()
+            family = subject.build(subject.configured(changes))
+            if family.has_mesh:
+                family.problem()
             return
         raise InvalidDesignError("0: the config refuses it")
 
@@ -297,7 +359,8 @@ def impossible_designs_are_refused(subject: Subject) -> None:
 
 
 def accepted_designs_have_meshes(subject: Subject) -> None:
-    """a design that is accepted has a valid mesh; what cannot be meshed is refused when it is built."""
+    """an accepted design has a valid mesh; a design that cannot be meshed is refused when it is built."""
+    _problem(subject)
     for name in _lengths(subject):
         for factor in (0.05, 0.6, 1.4, 20.0):
             value = factor * float(getattr(subject.config, name))
@@ -311,11 +374,11 @@ def accepted_designs_have_meshes(subject: Subject) -> None:
 
 def is_deterministic(subject: Subject) -> None:
     """the same design gives the same problem, bit by bit: results are stored under the design's key."""
-    first, second = (subject.build().problem().mesh for _ in range(2))
+    first, second = (_require_problem(subject, subject.build()).mesh for _ in range(2))
     same = np.array_equal(first.nodes_m, second.nodes_m) and np.array_equal(first.cells, second.cells)
     require(same, "two meshes of one design differ: a random number or a set's order")
 
 
 def _lengths(subject: Subject) -> dict[str, bool]:
-    """The design's lengths above 0 by their fields, and whether each may be 0."""
-    return {name: may_be_0 for name, (value, may_be_0) in lengths_of(subject.config).items() if value > 0}
+    """Return the design's positive lengths by their fields, and whether each may be 0."""
+    return {name: may_be_0 for name, (value, may_be_0) in design_lengths(subject.config).items() if value > 0}

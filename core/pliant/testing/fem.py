@@ -38,21 +38,25 @@ MOMENT_N_M = BOX.stiffness_n_m * ANGLE_RAD
 AXES = ("x", "y", "z")
 MIXED_RAD = {"x": 0.1, "y": 0.15, "z": -0.12}
 TENSION_N, PULLED_RAD = 0.2, 0.1
-# Relative; Newton's own tolerance lies below.
+# Relative; Newton's tolerance is smaller.
 SOLVED = 1e-6
-# Relative; meshes that are not mirror-symmetric leave this much.
+# Relative; error of meshes that are not mirror-symmetric.
 SYMMETRY = 2e-3
 STIFFER = 10.0  # a region's modulus / the body's
 RESULTS = ("moment_n_m", "energy_j", "dmoment_dp", "dmoment_du")
 
 
 def _new_solver(subject: Subject, problem: ModuleProblem) -> ModuleSolver:
-    """A new solver of this problem, its regions `STIFFER` times as stiff as the rest.
+    """Return a new solver of this problem, its regions `STIFFER` times as stiff as the rest.
 
-    A backend that hands the law to another program by its name may refuse the sample solid, whose name nobody
-    knows; it is then given `neo_hookean` with the same moduli at small strain.
+    A backend that passes the law to another program by name may refuse the sample solid, whose name is unknown; it
+    then gets `neo_hookean` with the same moduli at small strain.
     """
     backend: FEMBackend = subject.build()
+    if not isinstance(problem, backend.problem_class):
+        raise CheckSkipped(
+            f"{subject.component.label} solves problems of class {backend.problem_class.__name__} alone: test it on one"
+        )
     try:
         return backend.solver(problem, _sample(problem, MATERIAL, scaled_sample(STIFFER)))
     except MissingDependencyError:
@@ -91,7 +95,7 @@ def _free(subject: Subject) -> FemState:
 
 @once
 def _held(subject: Subject, pressure: float = PRESSURE_PA, angle: float = ANGLE_RAD) -> FemState:
-    """The constrained state, reached from rest."""
+    """Return the constrained state, reached from rest."""
     return _solver(subject).constrained(pressure, angle, _rest(subject))
 
 
@@ -113,7 +117,7 @@ def _mixed(subject: Subject) -> FemState:
 
 
 def _around(solver: ModuleSolver, at: float, held: Any, step: float, state: FemState) -> Sequence[FemState]:
-    """The states one step of the held angle ahead and behind; of one axis, or of that of `held` named first."""
+    """Return the states one step of the prescribed angle ahead and behind; for `held` by axis, of its first axis."""
     if not isinstance(held, Mapping):
         return [solver.constrained(at, held + s, state) for s in (step, -step)]
     axis = next(iter(held))
@@ -155,7 +159,7 @@ def scales_with_the_module(subject: Subject) -> None:
 
 
 def free_state_has_no_moment(subject: Subject) -> None:
-    """`free` is equilibrium without external moment, at the actuation that was asked for; actuation bends u > 0."""
+    """`free` is equilibrium without external moment, at the requested actuation; actuation bends u > 0."""
     free = _free(subject)
     asked = (free.branch, free.actuation) == ("free", PRESSURE_PA)
     require(asked, "branch or actuation is not what was asked for")
@@ -164,7 +168,7 @@ def free_state_has_no_moment(subject: Subject) -> None:
 
 
 def constrained_state_holds_the_angle(subject: Subject) -> None:
-    """`constrained` holds the module angle u = deformation_scale · θ that was asked for."""
+    """`constrained` prescribes the requested module angle u = deformation_scale · θ."""
     held = _held(subject)
     require(held.branch == "constrained", f"branch is '{held.branch}'")
     agree(held.angle_rad, ANGLE_RAD, "the state's angle (rad) is not the one asked for", atol=1e-10)
@@ -172,7 +176,7 @@ def constrained_state_holds_the_angle(subject: Subject) -> None:
 
 
 def branches_agree(subject: Subject) -> None:
-    """both branches are one equilibrium: held at the free angle, the moment is zero."""
+    """both branches are one equilibrium: at the prescribed free angle the moment is zero."""
     held = _solver(subject).constrained(PRESSURE_PA, _free(subject).angle_rad, _rest(subject))
     finding = "held at its free angle the module needs a moment (N·m): the branches solve different equations"
     agree(held.moment_n_m, 0.0, finding, atol=10 * SOLVED * MOMENT_N_M)
@@ -221,7 +225,7 @@ def continues_from_a_saved_state(subject: Subject) -> None:
 
 
 def path_does_not_matter(subject: Subject) -> None:
-    """a state does not depend on the way that led to it."""
+    """a state does not depend on the path to it."""
     solver = _solver(subject)
     detour = solver.constrained(0.0, -ANGLE_RAD, _rest(subject))
     state = solver.constrained(PRESSURE_PA, ANGLE_RAD, detour)
@@ -229,7 +233,7 @@ def path_does_not_matter(subject: Subject) -> None:
 
 
 def _require_held(subject: Subject, state: FemState, finding: str) -> None:
-    """The state is the one that was held from rest."""
+    """Check that the state is the one that was prescribed from rest."""
     for name in RESULTS:
         agree(getattr(state, name), getattr(_held(subject), name), f"{name} {finding}", rtol=1e-5)
 
@@ -250,7 +254,7 @@ def deformed_nodes_follow_the_bend(subject: Subject) -> None:
 
 
 def fields_stand_at_the_nodes(subject: Subject) -> None:
-    """`fields`, where a backend has them, stand at the mesh's nodes; a body at rest has no stress."""
+    """`fields`, if a backend has them, are at the mesh's nodes; a body at rest has no stress."""
     solver, nodes = _solver(subject), box_problem().mesh.nodes_m
     try:
         fields = solver.fields(_held(subject))
@@ -271,7 +275,7 @@ def fields_stand_at_the_nodes(subject: Subject) -> None:
 
 
 def says_when_it_does_not_converge(subject: Subject) -> None:
-    """what does not converge raises `StateNotConvergedError`; the pipeline records it and goes on."""
+    """a state that does not converge raises `StateNotConvergedError`; the pipeline records it and continues."""
     require_refused(
         lambda: _solver(subject).free(1e4 * PRESSURE_PA, _rest(subject)),
         "a pressure far beyond any equilibrium gave a state",
@@ -281,7 +285,7 @@ def says_when_it_does_not_converge(subject: Subject) -> None:
 
 
 def refuses_unknown_problems(subject: Subject) -> None:
-    """`solver` raises `UserError` for a problem that it does not support, and calls a requirement by its name."""
+    """`solver` raises `UserError` for a problem that it does not support, and names the requirement."""
     strange = replace(box_problem(), frame="no_such_frame")  # type: ignore[arg-type]
     accepted = "a problem with frame 'no_such_frame' was accepted"
     require_refused(lambda: _new_solver(subject, strange), accepted, "frame", "frame")
@@ -291,7 +295,7 @@ def refuses_unknown_problems(subject: Subject) -> None:
 
 
 def states_have_all_axes(subject: Subject) -> None:
-    """states of k axes have u and τ (k,), ∂τ/∂p (k,) and ∂τ/∂u (k, k); `held` names what was prescribed."""
+    """states of k axes have u and τ (k,), ∂τ/∂p (k,) and ∂τ/∂u (k, k); `held` names the prescribed axes."""
     state = _mixed(subject)
     agree(state.deformation, list(MIXED_RAD.values()), "u (rad) is not what was held by axis", atol=1e-10)
     for name, shape in (("tau", (3,)), ("dtau_dp", (3,)), ("dtau_du", (3, 3))):
@@ -334,7 +338,7 @@ def slopes_in_all_axes_are_exact(subject: Subject) -> None:
 
 
 def axes_decouple_by_symmetry(subject: Subject) -> None:
-    """bent about y alone, a tube that is symmetric about y = 0 has no coupling to the other axes."""
+    """bent only about y, a tube that is symmetric about y = 0 has no coupling to the other axes."""
     solver = _spatial(subject)
     state = solver.constrained(PRESSURE_PA, {"x": 0.0, "y": MIXED_RAD["y"], "z": 0.0}, solver.rest())
     diagonal = np.diag(np.diag(state.dtau_du))
@@ -346,7 +350,7 @@ def axes_decouple_by_symmetry(subject: Subject) -> None:
 
 
 def axes_that_are_not_held_are_free(subject: Subject) -> None:
-    """axes that are not held are free: τ = 0, and slopes are still those with all axes independent."""
+    """axes that are not prescribed are free: τ = 0, and slopes are still those with all axes independent."""
     solver, mixed = _spatial(subject), _mixed(subject)
     partly = solver.constrained(PRESSURE_PA, {"x": MIXED_RAD["x"], "z": MIXED_RAD["z"]}, mixed)
     scale = float(np.abs(mixed.dtau_du).max())
@@ -393,7 +397,7 @@ def tendon_works_on_its_travel(subject: Subject) -> None:
     )
 
 
-def regions_are_of_their_own_material(subject: Subject) -> None:
+def regions_have_their_own_material(subject: Subject) -> None:
     """cells of a region have its material: small bends of a layered tube follow the composite beam, Σ E I / l."""
     rest = _special(subject, layered_box_problem).rest()
     finding = (

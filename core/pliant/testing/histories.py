@@ -1,7 +1,7 @@
 """Runs and prescribed motions for checks of effects, and one joint followed in plain Python.
 
-`follow_joint` is the slow, readable answer to what an engine's `follow` gives: an engine that compiles law terms must
-agree with it.
+`follow_joint` is a slow, readable reference for an engine's `follow`: an engine that compiles law terms must agree
+with it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WIDEST_RAD = math.pi
 class HeldMotion:
     """A prescribed motion of one joint: time (t,), angle (t,), actuation (t,), temperature (t,).
 
-    A step that begins before time_s[0] is slow: its duration is infinite.
+    The step to the first sample is slow: its duration is infinite.
     """
 
     time_s: Array
@@ -38,10 +38,10 @@ class HeldMotion:
     temperature_c: Array
 
     @staticmethod
-    def of(
+    def from_angles(
         time_s: Array, angle_rad: Array, actuation: float = 0.0, temperature_c: float | None = None
     ) -> HeldMotion:
-        """A motion at constant actuation and temperature."""
+        """Return a motion at constant actuation and temperature."""
         warmth = REFERENCE_TEMPERATURE_C if temperature_c is None else temperature_c
         n = len(angle_rad)
         return HeldMotion(np.asarray(time_s, float), angle_rad, np.full(n, actuation), np.full(n, warmth))
@@ -49,7 +49,7 @@ class HeldMotion:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """What a driven joint answered: effort (t,) in N·m, its slope ∂τ'/∂u (t,), memory (t, states)."""
+    """Response of a driven joint: effort (t,) in N·m, its slope ∂τ'/∂u (t,), memory (t, states)."""
 
     effort: Array
     slope: Array
@@ -57,7 +57,7 @@ class Driven:
 
 
 def drive(chain: ChainModel, motion: HeldMotion) -> Driven:
-    """The first joint of a one-axis chain with its law terms, moved along a prescribed motion."""
+    """Move the first joint of a one-axis chain with its law terms along a prescribed motion."""
     one = first_joint(chain)
     efforts = JointEfforts(one)
     memory = efforts.terms.rested()
@@ -76,9 +76,9 @@ def drive(chain: ChainModel, motion: HeldMotion) -> Driven:
 
 
 def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array, ...]:
-    """(t,) angle of one weightless joint under each history: τ'(p, u) = M at every sample, in plain Python.
+    """Return (t,) angle of one weightless joint under each history: τ'(p, u) = M at every sample, in plain Python.
 
-    Histories of one specimen follow each other: `LawTerm`s that keep their memory hand it on.
+    Histories of one specimen are consecutive: `LawTerm`s with permanent memory pass it on.
     """
     efforts = JointEfforts(chain)
     keeps = np.array([term.keeps for term in efforts.terms.terms for _ in range(term.n_states)], bool)
@@ -103,7 +103,7 @@ def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array
 
 
 def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, memory: TermMemory) -> float:
-    """The angle nearest to the present one at which the effort, which falls with the angle, is the opposing moment."""
+    """Return the angle closest to the present one at which the effort, which falls with it, is the opposing moment."""
 
     def unbalanced(angle: float) -> float:
         return float(efforts.evaluate(np.array([[angle]]), inputs, memory).tau[0, 0]) - opposed
@@ -121,7 +121,7 @@ def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, me
 
 
 def first_joint(chain: ChainModel) -> ChainModel:
-    """The chain cut behind its first joint, with that joint's numbers of its law terms."""
+    """Return the chain cut after its first joint, with that joint's parameters of its law terms."""
     terms = tuple(replace(term, per_joint=term.per_joint[:1]) for term in chain.terms)
     return chain.with_(
         joints=chain.joints[:1],
@@ -136,7 +136,7 @@ def first_joint(chain: ChainModel) -> ChainModel:
 def triangles(
     levels: Sequence[float], rate: float, step_s: float, holds_s: float = 0.0
 ) -> tuple[Array, Array]:
-    """(time, value) of straight ramps from 0 through the levels at one rate, with a hold at each."""
+    """Return (time, value) of linear ramps from 0 through the levels at one rate, with a pause at each."""
     values, here = [0.0], 0.0
     for level in levels:
         n = max(1, math.ceil(abs(level - here) / (rate * step_s) - 1e-9))

@@ -1,4 +1,4 @@
-"""What every joint law must hold: shared by the checks of surrogates, of meta-models and of effects that wrap laws."""
+"""Requirements on every joint law, for the checks of surrogates, meta-models and effects that wrap laws."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from typing import TypeVar
 
 import numpy as np
 
+from pliant.errors import ContractError
+from pliant.mechanics.scalar_form import require_scalar_form
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.store.codec import decode, encode
-from pliant.testing import agree, require
+from pliant.testing import Finding, agree, require
 
 T = TypeVar("T")
 EFFORTS = ("tau", "dtau_dp", "dtau_du")
 
 
 def stored(value: T) -> T:
-    """The value as the store writes and reads it: JSON and arrays without pickle. Raises where it is no data."""
+    """Return the value after a round trip through the store's formats, JSON and arrays; raise if impossible."""
     arrays: dict[str, np.ndarray] = {}
     text = json.dumps(encode(value, arrays), allow_nan=False)
     file = io.BytesIO()
@@ -30,7 +32,7 @@ def stored(value: T) -> T:
 
 
 def require_exact_slopes(law: JointLaw, p: Array, u: Array, rtol: float, whose: str = "") -> None:
-    """∂τ/∂p and ∂τ/∂u are those of central differences, with shapes (n, a) and (n, a, a); (n, a, m) of m pressures."""
+    """Check ∂τ/∂p (n, a), or (n, a, m) for m pressures, and ∂τ/∂u (n, a, a) by central differences."""
     effort = law.evaluate(p, u)
     n, a = u.shape
     shapes = [getattr(effort, name).shape for name in EFFORTS]
@@ -46,7 +48,7 @@ def require_exact_slopes(law: JointLaw, p: Array, u: Array, rtol: float, whose: 
 
 
 def require_potential(law: JointLaw, p: Array, u: Array, rtol: float, whose: str = "") -> None:
-    """τ = −∂Π/∂u by central differences of the law's potential."""
+    """Check τ = −∂Π/∂u by central differences of the law's potential."""
     tau = law.evaluate(p, u).tau
     for j, step in enumerate(1e-4 * np.eye(u.shape[1])):
         slope = -(law.potential(p, u + step) - law.potential(p, u - step)) / 2e-4
@@ -54,7 +56,7 @@ def require_potential(law: JointLaw, p: Array, u: Array, rtol: float, whose: str
 
 
 def require_joints_apart(law: JointLaw, p: Array, u: Array) -> None:
-    """Joints evaluated together or one by one give the same."""
+    """Check that joints evaluated together or one by one give the same."""
     together = law.evaluate(p, u)
     alone = [law.evaluate(p[i : i + 1], u[i : i + 1]) for i in range(len(p))]
     for name in EFFORTS:
@@ -63,8 +65,16 @@ def require_joints_apart(law: JointLaw, p: Array, u: Array) -> None:
         agree(getattr(together, name), one_by_one, finding, rtol=1e-9)
 
 
+def require_same_compiled(law: JointLaw) -> None:
+    """Check that the scalar form that engines compile, if there is one, equals the law in values and slopes."""
+    try:
+        require_scalar_form(law, again=True)
+    except ContractError as error:
+        raise Finding(str(error)) from None
+
+
 def require_finite_outside(law: JointLaw) -> None:
-    """A law of one axis answers outside its domain with finite numbers, and flags the excess."""
+    """Check that a law of one axis is finite outside its domain, and reports the excess."""
     p, u = np.array([0.0, 3e4, -5e3, 3e4]), np.array([[1.5], [0.2], [-1.2], [1.5]])
     if (m := len(law.actuations)) > 1:
         p = np.column_stack([p, *[np.zeros(len(p))] * (m - 1)])
@@ -77,7 +87,7 @@ def require_finite_outside(law: JointLaw) -> None:
 
 
 def require_same_bits(law: JointLaw, again: JointLaw, p: Array, u: Array) -> None:
-    """A law that was read back evaluates to the same bits and has the same joint, axes, input and domain."""
+    """Check that a loaded law evaluates to the same bits and has the same joint, axes, input and domain."""
     one, two = law.evaluate(p, u), again.evaluate(p, u)
     for name in EFFORTS:
         same = np.array_equal(getattr(one, name), getattr(two, name))

@@ -16,12 +16,12 @@ UNIT = np.eye(3)
 
 
 def _sample_gradients(amplitude: float = 0.12, count: int = 8) -> Array:
-    """Deformation gradients (n, 3, 3) around the rest state, det F > 0."""
+    """Return deformation gradients (n, 3, 3) around the rest state, det F > 0."""
     return np.eye(3) + amplitude * np.random.default_rng(3).uniform(-1, 1, (count, 3, 3))
 
 
 def _derivative_gradients() -> Array:
-    """The sample and, for laws of principal stretches, states where two or three of them are equal."""
+    """Return the sample and, for laws of principal stretches, states where two or three of them are equal."""
     equal = [np.eye(3), np.diag([1.6, 0.8, 0.8]), np.diag([0.7, 1.2, 1.2]), 1.02 * np.eye(3)]
     turned = _rotation() @ np.diag([1.4, 1.4, 0.5])
     nearly = np.diag([1.3, 1.3 * (1 + 1e-9), 0.6])
@@ -35,7 +35,7 @@ def _rotation() -> Array:
 
 
 def _by_differences(function: Callable[[Array], Array], F: Array) -> Array:
-    """∂/∂F by central differences, its two indices last."""
+    """Return ∂/∂F by central differences, its two indices last."""
     steps = STEP * np.eye(9).reshape(3, 3, 3, 3)
     columns = [[(function(F + s) - function(F - s)) / (2 * STEP) for s in row] for row in steps]
     slopes: Array = np.moveaxis(np.array(columns), (0, 1), (-2, -1))
@@ -73,7 +73,7 @@ def tangent_is_the_stress_slope(subject: Subject) -> None:
     agree(material.evaluate(F).tangent, slopes, finding, rtol=GRADIENT_TOLERANCE)
 
 
-def ignores_rotations_of_the_frame(subject: Subject) -> None:
+def is_frame_indifferent(subject: Subject) -> None:
     """frame indifference: W(QF) = W(F) and P(QF) = Q P(F) for rotations Q."""
     material, F, Q = subject.build(), _sample_gradients(), _rotation()
     here, turned = material.evaluate(F), material.evaluate(Q @ F)
@@ -105,12 +105,12 @@ def states_its_moduli(subject: Subject) -> None:
 
 
 def remarks_are_sentences(subject: Subject) -> None:
-    """`remarks` are sentences, none for constants without a doubt."""
+    """`remarks` are sentences, none for unproblematic constants."""
     for remark in subject.build().remarks():
         require(isinstance(remark, str) and remark.endswith("."), f"a remark is {remark!r}, not a sentence")
 
 
-def takes_points_of_any_shape(subject: Subject) -> None:
+def accepts_points_in_any_shape(subject: Subject) -> None:
     """`energy` and `evaluate` take F of any shape (..., 3, 3) and agree with each other."""
     material, F = subject.build(), _sample_gradients(count=6)
     flat = material.evaluate(F)
@@ -129,7 +129,7 @@ def takes_points_of_any_shape(subject: Subject) -> None:
 
 
 def leaves_its_input_alone(subject: Subject) -> None:
-    """F is the caller's: it is not written to."""
+    """F belongs to the caller and is not changed."""
     material, F = subject.build(), _sample_gradients()
     before = F.copy()
     material.energy(F)

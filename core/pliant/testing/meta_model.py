@@ -21,6 +21,7 @@ from pliant.testing.joint_laws import (
     require_joints_apart,
     require_potential,
     require_same_bits,
+    require_same_compiled,
     stored,
 )
 from pliant.testing.solved_samples import (
@@ -39,12 +40,12 @@ from pliant.testing.solved_samples import (
     unseen_designs,
 )
 
-# Worst error on designs left out, as a share of the effort's range over all of them.
+# Largest error on left-out designs, as a share of the effort's range over all of them.
 WORST_OF_RANGE = 0.03
 PATH_STEPS = 60
-# No step of 60 along a path through the range may be a larger share of all change.
+# Largest share of the total change in one of 60 steps along a path through the range.
 LARGEST_STEP = 0.12
-# How far a stated range of u may be from the true one, as a share of its width.
+# Allowed difference of a stated range of u from the true one, as a share of its width.
 BOX_TOLERANCE = 0.1
 MIDDLE, WIDTH = RANGE.mean(axis=1), np.ptp(RANGE, axis=1)
 
@@ -65,7 +66,7 @@ def _spherical_or_cause(subject: Subject) -> DesignLaws | str:
 
 
 def _spherical(subject: Subject) -> DesignLaws:
-    """The model of three axes; skips where the kind says that it is for one axis alone."""
+    """Return the model of three axes; skip if the kind states that it supports only one axis."""
     laws = _spherical_or_cause(subject)
     if isinstance(laws, str):
         raise CheckSkipped(f"{subject.component.label} does not fit three axes: {laws}")
@@ -74,12 +75,12 @@ def _spherical(subject: Subject) -> DesignLaws:
 
 @once
 def _few(subject: Subject) -> SolvedDesigns:
-    """Fewer designs, for checks that fit again."""
+    """Return fewer designs, for checks that fit again."""
     return solved_designs((3, max(3, int(np.ceil(subject.build().fewest / 3)))))
 
 
 def _points(law: JointLaw, count: int = 40) -> tuple[Array, Array]:
-    """Points inside the sampled pressures and the law's own box."""
+    """Return points inside the sampled pressures and the law's own box."""
     random, m = np.random.default_rng(11), len(law.actuations)
     low, high = law.domain.deformation.T
     require(np.all(np.isfinite([low, high])), f"the law's range of u is {low} to {high}: not a box")
@@ -89,7 +90,7 @@ def _points(law: JointLaw, count: int = 40) -> tuple[Array, Array]:
 
 
 def _each_law(subject: Subject) -> list[JointLaw]:
-    """Laws of unseen designs, of one axis and, where the kind has them, of three."""
+    """Return the laws of unseen designs, of one axis and, if the kind supports them, of three."""
     models = [_laws(subject)]
     with contextlib.suppress(CheckSkipped):
         models.append(_spherical(subject))
@@ -114,17 +115,17 @@ def _require_predicts(laws: DesignLaws, truth_of: Callable[[Array], JointLaw]) -
 
 
 def predicts_designs_left_out(subject: Subject) -> None:
-    """laws of designs between solved ones are right to 3 % of the effort's range, one axis."""
+    """laws of designs between solved ones have errors below 3 % of the effort's range, one axis."""
     _require_predicts(_laws(subject), sample_law)
 
 
 def predicts_three_axes(subject: Subject) -> None:
-    """the same on three axes, from whole states; or `UserError` says that the kind has one axis."""
+    """the same on three axes, from whole states; or `UserError` states that the kind supports one axis."""
     _require_predicts(_spherical(subject), spherical_sample_law)
 
 
 def carries_several_actuations(subject: Subject) -> None:
-    """a kind that says so gives laws of two pressures: right to 3 %, stable, exact slopes, an energy, a record."""
+    """if declared, the kind gives laws of two pressures: errors below 3 %, stable, exact slopes, energy, record."""
     model: MetaModel = subject.build()
     if not model.several_actuations:
         raise CheckSkipped(f"{subject.component.label} makes laws of one actuation")
@@ -148,7 +149,7 @@ def carries_several_actuations(subject: Subject) -> None:
         require_same_bits(law, again.law(values), p, u)
 
 
-def laws_are_of_the_joint(subject: Subject) -> None:
+def laws_match_the_joint(subject: Subject) -> None:
     """joint, axes and actuation of the laws are those of the data."""
     cases: list[tuple[DesignLaws, SolvedDesigns]] = [(_laws(subject), solved_designs((2, 2)))]
     with contextlib.suppress(CheckSkipped):
@@ -158,6 +159,12 @@ def laws_are_of_the_joint(subject: Subject) -> None:
             (one.joint, tuple(one.axes), one.actuation_name) for one in (laws.law(MIDDLE), designs.data[0])
         )
         require(got == wanted, f"joint, axes and actuation of the law are {got}, of the data {wanted}")
+
+
+def scalar_form_is_the_law(subject: Subject) -> None:
+    """`scalar` of a law gives the same as `evaluate`, values and slopes, or None: engines compile it."""
+    for law in _each_law(subject):
+        require_same_compiled(law)
 
 
 def laws_are_stable_in_their_box(subject: Subject) -> None:
@@ -211,7 +218,7 @@ def domain_follows_the_design(subject: Subject) -> None:
 
 
 def laws_stay_finite_outside_their_domain(subject: Subject) -> None:
-    """laws answer outside their domain with finite numbers; the excess is flagged, not hidden."""
+    """laws return finite numbers outside their domain and report the excess."""
     require_finite_outside(_laws(subject).law(MIDDLE))
 
 
@@ -250,9 +257,9 @@ def record_gives_the_same_bits(subject: Subject) -> None:
 
 @once
 def _fitted(subject: Subject, alter: str = "", attempt: int = 1) -> Array:
-    """τ of unseen designs by a fit of a few: their states at high pressure and negative u are in self-contact.
+    """Return τ of unseen designs by a fit of a few, whose states at high pressure and negative u are in self-contact.
 
-    `alter` names states that get other efforts: "check" or "untrusted".
+    `alter` names states whose efforts are changed: "check" or "untrusted".
     """
     designs, data = _few(subject), []
     for one in designs.data:
@@ -286,7 +293,7 @@ def untrusted_states_are_not_fitted(subject: Subject) -> None:
 
 
 def flags_designs_outside(subject: Subject) -> None:
-    """a model knows its range: the box of the solved designs, and how far outside a design is."""
+    """a model states its range, the box of the solved designs, and the distance of a design from it."""
     laws = _laws(subject)
     require(tuple(laws.names) == NAMES, f"the names are {tuple(laws.names)}, of the designs {NAMES}")
     agree(laws.box, RANGE, "the box is not that of the solved designs", rtol=1e-9)
@@ -307,13 +314,13 @@ def doubt_grows_away_from_solved_designs(subject: Subject) -> None:
     positive = bool(np.all(np.isfinite(doubts)) and np.all(doubts > 0))
     require(positive, f"doubt is not positive and finite: {doubts}")
     at, far = float(np.median(doubts[:-2])), float(doubts[-2:].min())
-    # The same number everywhere: the model cannot tell, and says so.
+    # The same number everywhere: the model provides no uncertainty.
     less = f"the doubt is {at:.3g} at solved designs and {far:.3g} far outside"
     require(far > at or np.ptp(doubts) == 0, less)
 
 
 def gain_is_a_share(subject: Subject) -> None:
-    """`gain` is None or a share from 0 to 1 for each candidate."""
+    """`gain` returns None or a share from 0 to 1 for each candidate."""
     gain = _laws(subject).gain(unseen_designs(5), grid((5, 5)))
     if gain is not None:
         require(np.shape(gain) == (5,), f"the gain of 5 candidates has shape {np.shape(gain)}")
@@ -322,7 +329,7 @@ def gain_is_a_share(subject: Subject) -> None:
 
 
 def says_when_there_are_too_few_designs(subject: Subject) -> None:
-    """too few designs raise `UserError`, which says how many are needed."""
+    """too few designs raise `UserError` with the number needed."""
     one = solved_designs((2, 2)).rows(np.arange(4) == 1)
     accepted = "a model over two parameters was fitted to a single design"
     require_refused(lambda: subject.build().fit(one), accepted, r"\d", "number of designs")

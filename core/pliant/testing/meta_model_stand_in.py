@@ -1,4 +1,4 @@
-"""A small meta-model that checks and tests of the pipeline use: one least-squares fit of an energy.
+"""Small meta-model for checks and tests of the pipeline: one least-squares fit of an energy.
 
     Π(p, u; x) = Σ_jk c_jk p^a_j u^b_j ψ_k(x),  τ = −∂Π/∂u
 
@@ -28,8 +28,8 @@ from pliant.records.solved import Parameter, SolvedDesigns
 from pliant.testing.samples import EnergyLaw, slope_columns
 
 
-def powers_of(n_axes: int) -> IntArray:
-    """(j, 1 + a) powers of p and of each u of the energy's terms."""
+def energy_powers(n_axes: int) -> IntArray:
+    """Return (j, 1 + a) powers of p and of each u of the energy's terms."""
     found = [
         (a, *b)
         for a in (0, 1)
@@ -57,7 +57,7 @@ class StandInLaws(DesignLaws):
     def law(self, values: Array) -> EnergyLaw:
         psi = design_columns(self.box, np.atleast_2d(values))[0]
         domain = Domain(np.array([0.0, self.top]), (self.boxes @ psi).reshape(-1, 2))
-        powers = powers_of(len(self.axes))
+        powers = energy_powers(len(self.axes))
         terms = self.terms @ psi / self.top ** powers[:, 0]  # they were fitted in p / top
         return EnergyLaw(terms, powers, domain, self.joint, self.axes, self.actuation_name)
 
@@ -67,7 +67,7 @@ class StandInLaws(DesignLaws):
         return doubts
 
     def gain(self, candidates: Array, over: Array) -> Array | None:
-        """What one more row would take from the mean variance of ψ's coefficients (Fedorov 1972)."""
+        """Return the relative reduction of the mean variance by one more row of ψ (Fedorov 1972)."""
         at, all_of = design_columns(self.box, candidates), design_columns(self.box, over)
         across = all_of @ self.spread @ at.T
         own = np.einsum("ni,ij,nj->n", at, self.spread, at)
@@ -83,20 +83,20 @@ class StandInLaws(DesignLaws):
 
 
 def design_columns(box: Array, values: Array) -> Array:
-    """(n, k) constant, linear and quadratic terms of parameters scaled to [−1, 1] on the box."""
+    """Return (n, k) constant, linear and quadratic terms of parameters scaled to [−1, 1] on the box."""
     x = (np.asarray(values, float) - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
     pairs = [x[:, i] * x[:, j] for i in range(x.shape[1]) for j in range(i + 1)]
     return np.stack([np.ones(len(x)), *x.T, *pairs], axis=1)
 
 
 class StandInMetaModelConfig(MetaModelConfig):
-    """The stand-in meta-model has no settings of its own."""
+    """Config of the stand-in meta-model, without settings."""
 
     kind: Literal["stand_in"] = "stand_in"
 
 
 class StandInMetaModel(MetaModel):
-    """Fits efforts alone; slopes are not used."""
+    """Meta-model fitted to efforts only; slopes are not used."""
 
     config: StandInMetaModelConfig
 
@@ -105,7 +105,7 @@ class StandInMetaModel(MetaModel):
         psi = design_columns(designs.box, designs.values)
         first = designs.data[0]
         top = max(float(one.actuation.max()) for one in designs.data)
-        powers = powers_of(len(first.axes))
+        powers = energy_powers(len(first.axes))
         rows, efforts, boxes = [], [], []
         for one, own in zip(designs.data, psi, strict=True):
             keep = (one.role == "fit") & np.isin(one.status, TRUSTED)

@@ -1,17 +1,17 @@
-"""Checks of a `PhysicsBackend`: conventions, honesty, the life of a simulation, equilibrium under every kind of load.
+"""Checks of a `PhysicsBackend`: conventions, correct reports, life cycle, equilibrium under every kind of load.
 
-Swings are in `physics_motion`, scenes with contact in `physics_scene`, what else engines may declare in
-`physics_runs`.
+Swings are in `physics_motion`, scenes with contact in `physics_scene`, other capabilities in `physics_runs`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
 
-from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation
+from pliant.interfaces.physics import Capabilities, PhysicsBackend
+from pliant.interfaces.simulation import Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import Actuator, ChainModel
@@ -32,7 +32,7 @@ from pliant.testing.samples import (
 )
 
 KINDS = tuple(N_AXES)
-# The bar of every engine: engines agree within 0.01 mm.
+# Tolerance of every engine: engines agree within 0.01 mm.
 POSITION_M = 1e-5
 ANGLE_RAD = 3e-4
 # Largest unbalanced effort of a converged equilibrium, as a share of the law's effort at full pressure.
@@ -46,7 +46,7 @@ AT = np.array([0.004, 0.001, 0.003])
 FORCE = PointForce(2, AT, np.array([0.05, 0.02, -0.04]))
 CORD = Cord(4, AT, np.array([0.03, -0.02, 0.01]), 0.08)
 LAW_EFFORT_N_M = 0.012
-# A load of a chain that bends out of the plane, and what is wrong where it is out of balance.
+# A load of a chain that bends out of the plane, and the likely error if it is not in balance.
 LOADS: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("a tip force", {"tip_force_n": TIP_FORCE_N}, "gravity, the payload or the force is missing or turned"),
     ("a moment", {"moment_n_m": 0.004}, "its sign or size: it opposes the actuation at the last joint"),
@@ -56,12 +56,12 @@ LOADS: tuple[tuple[str, dict[str, Any], str], ...] = (
 
 
 def pressed(pressure: float = PRESSURE_PA, **loads: object) -> Inputs:
-    """Inputs with a pressure and further loads."""
+    """Return inputs with a pressure and further loads."""
     return Inputs({"pressure_pa": pressure}, **loads)  # type: ignore[arg-type]
 
 
 def settled_under(subject: Subject, chain: ChainModel, inputs: Inputs) -> Equilibrium:
-    """What a new simulation of this chain settles to."""
+    """Return the equilibrium of a new simulation of this chain."""
     backend: PhysicsBackend = subject.build()
     with backend.build(chain) as simulation:
         simulation.apply(inputs)
@@ -69,21 +69,32 @@ def settled_under(subject: Subject, chain: ChainModel, inputs: Inputs) -> Equili
 
 
 def needs(subject: Subject, capability: str) -> PhysicsBackend:
-    """The engine; skips the check where its `Capabilities` lack this one."""
+    """Return the engine; skip the check if its `Capabilities` lack this one."""
     engine: PhysicsBackend = subject.build()
     if not getattr(engine.capabilities, capability):
         raise CheckSkipped(f"{subject.component.label} has no {capability.replace('_', ' ')}")
     return engine
 
 
+Capability = TypeVar("Capability")
+
+
+def capable(subject: Subject, protocol: type[Capability]) -> Capability:
+    """Return the engine; skip the check if it lacks a method of this protocol."""
+    engine = subject.build()
+    if not isinstance(engine, protocol):
+        raise CheckSkipped(f"{subject.component.label} is no {protocol.__name__}")
+    return engine
+
+
 def bent_chain(**chain: object) -> ChainModel:
-    """Two segments, the second turned about the chain axis: it bends out of the plane."""
+    """Return two segments, the second rotated about the chain axis, which bend out of the plane."""
     return sample_chain(softening_law(), modules=3, turns_rad=(0.0, 1.2), **chain)
 
 
 @once
 def _loaded(subject: Subject, number: int = 0) -> Equilibrium:
-    """The bent chain under pressure, with a payload and one of `LOADS`."""
+    """Return the bent chain under pressure, with a payload and one of `LOADS`."""
     return settled_under(subject, bent_chain(payload=PAYLOAD_KG), pressed(**LOADS[number][1]))
 
 
@@ -94,13 +105,13 @@ def _needs_joint(subject: Subject, kind: str) -> None:
 
 
 def _unbalanced(chain: ChainModel, inputs: Inputs, settled: Equilibrium) -> float:
-    """The largest effort that the common statics leaves unbalanced in a settled chain."""
-    efforts = ChainStatics(chain).residual(settled.joint_angles, Loads.of(chain, inputs))
+    """Return the largest unbalanced effort of a settled chain by the common statics."""
+    efforts = ChainStatics(chain).residual(settled.joint_angles, Loads.from_inputs(chain, inputs))
     return float(np.abs(efforts).max())
 
 
 def _require_balance(chain: ChainModel, inputs: Inputs, settled: Equilibrium, load: str, cause: str) -> None:
-    """It converged, the common statics leaves nothing of the law's effort unbalanced, and `residual` says so."""
+    """Check convergence, balance of the law's effort by the common statics, and a consistent `residual`."""
     require(settled.converged, f"a plain chain under {load} did not converge")
     residual = _unbalanced(chain, inputs, settled)
     of_the_law = f"{residual / LAW_EFFORT_N_M:.1%} of the law's"
@@ -112,7 +123,7 @@ def _require_balance(chain: ChainModel, inputs: Inputs, settled: Equilibrium, lo
 
 @declared
 def declares_its_capabilities(subject: Subject) -> None:
-    """`capabilities` says which joints the engine has, before it is built."""
+    """`capabilities` states which joints the engine supports, before it is built."""
     given = type(subject.build()).capabilities
     require(isinstance(given, Capabilities), f"capabilities is {given!r}")
     known = given.joints and set(given.joints) <= set(KINDS)
@@ -136,12 +147,12 @@ def stays_at_rest_without_loads(subject: Subject) -> None:
 
 
 def markers_follow_the_kinematics(subject: Subject) -> None:
-    """markers are where the joint angles say: rest frames turned between segments, rotations about y."""
+    """markers follow from the joint angles: rest frames rotated between segments, rotations about y."""
     chain = bent_chain()
     with subject.build().build(chain) as simulation:
         simulation.apply(pressed())
         settled = simulation.settle()
-        wanted = ChainGeometry.of(chain).markers(settled.joint_angles)
+        wanted = ChainGeometry.from_chain(chain).markers(settled.joint_angles)
         agree(settled.markers_m, wanted, "markers_m (m) do not belong to joint_angles", atol=POSITION_M)
         finding = "markers() differs from the settled markers_m"
         agree(simulation.markers(), settled.markers_m, finding, atol=POSITION_M)
@@ -155,7 +166,7 @@ def refuses_missing_inputs(subject: Subject) -> None:
 
 
 def reports_extrapolation(subject: Subject) -> None:
-    """where a law is used outside its domain is reported: joint from 1, variable, excess."""
+    """use of a law outside its domain is reported: joint from 1, variable, excess."""
     box = Domain(np.array([0.0, 1e4]), np.array([[-1.0, 1.0]]))
     chain = sample_chain(linear_law(domain=box), modules=3, gravity=NO_GRAVITY)
     inside, outside = (settled_under(subject, chain, pressed(p)).outside_domain for p in (9e3, 12e3))
@@ -167,7 +178,7 @@ def reports_extrapolation(subject: Subject) -> None:
 
 
 def restores_a_snapshot(subject: Subject) -> None:
-    """`restore` brings a snapshot back exactly."""
+    """`restore` reproduces a snapshot exactly."""
     with subject.build().build(bent_chain()) as simulation:
         simulation.apply(pressed())
         simulation.settle()
@@ -188,7 +199,7 @@ def restores_a_snapshot(subject: Subject) -> None:
 
 
 def steps_forward_in_time(subject: Subject) -> None:
-    """`step` advances time by the duration that was asked for, toward the equilibrium."""
+    """`step` advances time by the requested duration, toward the equilibrium."""
     with subject.build().build(sample_chain(modules=2)) as simulation:
         start = simulation.snapshot().time_s
         simulation.apply(pressed())
@@ -202,9 +213,9 @@ def steps_forward_in_time(subject: Subject) -> None:
 
 
 def dynamic_is_what_it_says(subject: Subject) -> None:
-    """`dynamic` says whether `step` advances inertia; in other engines each step ends in equilibrium."""
+    """`dynamic` states whether `step` advances inertia; in other engines each step ends in equilibrium."""
     engine: PhysicsBackend = subject.build()
-    # Some grams at the tip: no joint with inertia goes a third of its way within two milliseconds.
+    # Some grams at the tip: a joint with inertia moves less than a third of its way within two milliseconds.
     chain = sample_chain(modules=4, gravity=NO_GRAVITY, payload=0.05)
     with engine.build(chain) as simulation:
         start = simulation.markers()[-1]
@@ -224,7 +235,7 @@ def dynamic_is_what_it_says(subject: Subject) -> None:
 
 
 def simulations_are_independent(subject: Subject) -> None:
-    """two simulations of one engine do not know of each other."""
+    """two simulations of one engine are independent."""
     backend: PhysicsBackend = subject.build()
     with backend.build(sample_chain(modules=3)) as first:
         first.apply(pressed())
@@ -251,7 +262,7 @@ def closes_cleanly(subject: Subject) -> None:
 
 
 def leaves_the_chain_alone(subject: Subject) -> None:
-    """the chain is the caller's: it is not changed."""
+    """the chain belongs to the caller and is not changed."""
     chain = bent_chain(payload=PAYLOAD_KG)
     before = chain_numbers(chain)
     with subject.build().build(chain) as simulation:
@@ -283,7 +294,7 @@ def balances_a_weight(subject: Subject) -> None:
 
 
 def turns_with_its_base(subject: Subject) -> None:
-    """physics does not depend on the base's pose: base, gravity and forces turned together turn the chain."""
+    """physics does not depend on the base's pose: rotating base, gravity and forces rotates the chain."""
     turn = np.array([[0.0, -0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, 0.6]])
     shift = np.array([0.3, -0.2, 0.1])
     chain = bent_chain(payload=PAYLOAD_KG)
@@ -318,8 +329,8 @@ def opposed_actuators_cancel(subject: Subject) -> None:
 
 
 def admits_that_it_did_not_converge(subject: Subject) -> None:
-    """`settle` never raises for lack of convergence: `converged` is False and `residual` tells how far it is."""
-    # ∂τ/∂u > 0 and constant: no equilibrium but u = −g p / k, which no engine reaches by relaxing.
+    """`settle` never raises for lack of convergence: `converged` is False and `residual` is the unbalanced effort."""
+    # ∂τ/∂u > 0 and constant: the only equilibrium u = −g p / k is not reached by relaxation.
     runaway = linear_law(stiffness=-0.002)
     chain, inputs = sample_chain(runaway, modules=1, gravity=NO_GRAVITY), pressed()
     settled = settled_under(subject, chain, inputs)
@@ -349,7 +360,7 @@ def spherical_efforts_are_energy_consistent(subject: Subject) -> None:
     ):
         settled = settled_under(subject, chain, inputs)
         _require_balance(chain, inputs, settled, load, cause)
-        wanted = ChainGeometry.of(chain).markers(settled.joint_angles)
+        wanted = ChainGeometry.from_chain(chain).markers(settled.joint_angles)
         agree(settled.markers_m, wanted, "markers (m): u is not the joint's rotation vector", atol=POSITION_M)
 
 
@@ -367,7 +378,7 @@ def prismatic_joints_extend(subject: Subject) -> None:
 
 
 def extensible_joints_turn_and_then_extend(subject: Subject) -> None:
-    """extensible joints: u is the child's rotation vector, then its travel e in metres along its own turned x axis."""
+    """extensible joints: u is the child's rotation vector, then its travel e in metres along its rotated x axis."""
     _needs_joint(subject, "extensible")
     chain = sample_chain(linear_extensible_law(), modules=3, base={"direction": [1, 0, 0.3]}, payload=0.02)
     for load, inputs in (
@@ -377,7 +388,7 @@ def extensible_joints_turn_and_then_extend(subject: Subject) -> None:
         settled = settled_under(subject, chain, inputs)
         cause = "travels come behind turns, and their efforts are forces along the turned axis"
         _require_balance(chain, inputs, settled, load, cause)
-        wanted = ChainGeometry.of(chain).markers(settled.joint_angles)
+        wanted = ChainGeometry.from_chain(chain).markers(settled.joint_angles)
         agree(
             settled.markers_m, wanted, "markers (m): the child is not moved along its own x", atol=POSITION_M
         )

@@ -1,9 +1,9 @@
 """Checks of a `PhysicsBackend` that advances inertia (`Capabilities.dynamic`): a pendulum with a law.
 
-One long module hangs with a payload at its tip, bent a little by pressure, and is let go. Small swings are those of
-I q̈ + C q̇ + K q = 0 with K the stiffness of law and weight: samples of (q, q̇) at even times follow one matrix, whose
-eigenvalues exp((−δ ± iω) t) give the frequency √(δ² + ω²) = √(K/I) and the decay δ = C/(2I). An engine may damp by
-itself; so that only the damping which a law term adds is compared.
+One long module hangs with a payload at its tip, is bent a little by pressure, and is released. Small swings are those
+of I q̈ + C q̇ + K q = 0 with K the stiffness of law and weight: samples of (q, q̇) at equidistant times follow one
+matrix, whose eigenvalues exp((−δ ± iω) t) give the frequency √(δ² + ω²) = √(K/I) and the decay δ = C/(2I). An engine
+may have its own damping, so that only the damping added by a law term is compared.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.config.chain import ChainConfig
+from pliant.interfaces.physics import HistoryBackend
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.pipeline.chain import Segment, build_chain, rod_module
@@ -20,8 +21,8 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
-from pliant.testing import CheckSkipped, Subject, once, require
-from pliant.testing.physics import needs
+from pliant.testing import Subject, once, require
+from pliant.testing.physics import capable, needs
 from pliant.testing.samples import PRESSURE_PA, dashpot, linear_law
 
 LENGTH_M, MASS_KG, PAYLOAD_KG = 0.4, 0.02, 0.1
@@ -33,7 +34,7 @@ RETARDATION_S = 0.02
 
 @dataclass(frozen=True)
 class Swing:
-    """What an engine's pendulum does.
+    """Motion of an engine's pendulum.
 
     Attributes:
         frequency_1_s: √(δ² + ω²).
@@ -49,7 +50,7 @@ class Swing:
 
 
 def pendulum(damped: bool) -> ChainModel:
-    """One joint with a payload, with a dashpot of retardation time `RETARDATION_S` where it is damped."""
+    """Return one joint with a payload and, if damped, a dashpot of retardation time `RETARDATION_S`."""
     law = linear_law(gain=BENT_RAD * STIFFNESS / PRESSURE_PA, stiffness=STIFFNESS)
     module = rod_module(law, LENGTH_M, MASS_KG)
     chain = build_chain(
@@ -62,16 +63,16 @@ def pendulum(damped: bool) -> ChainModel:
 
 
 def hanging(chain: ChainModel) -> tuple[float, float]:
-    """Inertia (kg·m²) and stiffness (N·m/rad) of small swings."""
+    """Return inertia (kg·m²) and stiffness (N·m/rad) of small swings."""
     rest = np.zeros((1, 1))
-    loads = Loads.of(chain, Inputs({"pressure_pa": 0.0}))
+    loads = Loads.from_inputs(chain, Inputs({"pressure_pa": 0.0}))
     stiffness = float(ChainStatics(chain).balance(rest, loads).stiffness[0, 0])
     return float(mass_matrix(chain, rest)[0, 0]), stiffness
 
 
 @once
 def _swing(subject: Subject, damped: bool = False) -> Swing:
-    """The pendulum let go in this engine."""
+    """Release the pendulum in this engine and return its swing."""
     chain = pendulum(damped)
     inertia, stiffness = hanging(pendulum(False))
     scale = np.sqrt(inertia / stiffness)
@@ -100,7 +101,7 @@ def _swing(subject: Subject, damped: bool = False) -> Swing:
 
 
 def swings_with_its_period(subject: Subject) -> None:
-    """a pendulum with a law swings with √(K/I): inertia, payload, weight and the law's stiffness all count."""
+    """a pendulum with a law swings with √(K/I), of inertia, payload, weight and the law's stiffness."""
     needs(subject, "dynamic")
     inertia, stiffness = hanging(pendulum(False))
     swing, wanted = _swing(subject), float(np.sqrt(stiffness / inertia))
@@ -115,7 +116,7 @@ def swings_with_its_period(subject: Subject) -> None:
 
 
 def gains_no_energy(subject: Subject) -> None:
-    """nothing drives a pendulum that was let go: kinetic and elastic energy never rise, rates are those of angles."""
+    """a released pendulum gains no energy: kinetic and elastic energy never rise, rates are those of angles."""
     needs(subject, "dynamic")
     swing = _swing(subject)
     highest = np.minimum.accumulate(swing.energies_j)
@@ -131,9 +132,8 @@ def gains_no_energy(subject: Subject) -> None:
 
 def damps_as_the_law_says(subject: Subject) -> None:
     """a dashpot C among the law's terms makes swings decay faster by C/(2I)."""
-    engine = needs(subject, "dynamic")
-    if not engine.capabilities.internal_states:
-        raise CheckSkipped(f"{subject.component.label} has no internal states, which a dashpot needs")
+    needs(subject, "dynamic")
+    capable(subject, HistoryBackend)  # which a dashpot needs
     inertia, _ = hanging(pendulum(False))
     wanted = RETARDATION_S * STIFFNESS / (2 * inertia)
     more = _swing(subject, True).decay_1_s - _swing(subject).decay_1_s

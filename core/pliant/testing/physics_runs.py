@@ -1,5 +1,5 @@
-"""Checks of a `PhysicsBackend` that follows histories (`Capabilities.internal_states`), settles batches (`batch`),
-derives (`gradients`) or writes files (`export`)."""
+"""Checks of engines that follow histories (`HistoryBackend`), settle batches (`BatchBackend`), write files
+(`ExportBackend`) or derive (`Capabilities.gradients`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.interfaces.physics import Case, Run, Variation
+from pliant.interfaces.physics import BatchBackend, Case, ExportBackend, HistoryBackend, Run, Variation
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -23,6 +23,7 @@ from pliant.testing.physics import (
     PAYLOAD_KG,
     POSITION_M,
     bent_chain,
+    capable,
     needs,
     pressed,
     settled_under,
@@ -38,29 +39,29 @@ RETARDATION_S, STEP_S = 0.5, 0.01
 def _softening(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    """A joint that is softer once it has been bent."""
+    """Return the factor of a joint that softens after bending."""
     new[0] = max(old[0], angle)
     return 1.0 - c[0] * old[0]
 
 
 def _sweep(specimen: str = "A") -> History:
-    """Up and down without a clock, under a small side load."""
+    """Return a run up and down without a clock, under a small side load."""
     levels = PRESSURE_PA * np.array([0.2, 0.6, 1.0, 0.5])
-    return History.of({"pressure_pa": levels}, specimen=specimen, tip_force_n=[0.004, 0.006, 0.0])
+    return History.from_arrays({"pressure_pa": levels}, specimen=specimen, tip_force_n=[0.004, 0.006, 0.0])
 
 
 def _damaged() -> ChainModel:
-    """Joints that remember their largest angle for good."""
+    """Return joints with permanent memory of their largest angle."""
     term = LawTerm("elastic", _softening, (0.5,), n_states=1, keeps=True, needs_time=True)
     return sample_chain(modules=2).with_(terms=(term,))
 
 
 def follows_settled_states(subject: Subject) -> None:
     """`follow` without times gives, sample by sample, what `settle` gives under the same inputs."""
-    engine, chain, history = needs(subject, "internal_states"), bent_chain(payload=PAYLOAD_KG), _sweep()
-    (path,), _ = engine.follow(chain, [history])
+    chain, history = bent_chain(payload=PAYLOAD_KG), _sweep()
+    (path,), _ = capable(subject, HistoryBackend).follow(chain, [history])
     require(np.all(path.converged), "a plain chain with a small load did not converge")
-    with engine.build(chain) as simulation:
+    with subject.build().build(chain) as simulation:
         for k in range(len(history)):
             simulation.apply(history.at(k))
             finding = f"joint angles (rad) of sample {k + 1} without a clock"
@@ -72,8 +73,8 @@ def follows_time(subject: Subject) -> None:
     term = LawTerm("moment", dashpot, (RETARDATION_S * STIFFNESS,), needs_time=True)
     chain = sample_chain(linear_law(GAIN, STIFFNESS), modules=1, gravity=NO_GRAVITY).with_(terms=(term,))
     time_s: Array = STEP_S * np.arange(101, dtype=float)
-    history = History.of({"pressure_pa": np.where(time_s > 0, PRESSURE_PA, 0.0)}, time_s)
-    (path,), _ = needs(subject, "internal_states").follow(chain, [history])
+    history = History.from_arrays({"pressure_pa": np.where(time_s > 0, PRESSURE_PA, 0.0)}, time_s)
+    (path,), _ = capable(subject, HistoryBackend).follow(chain, [history])
     end = GAIN * PRESSURE_PA / STIFFNESS
     finding = "u (rad) of a damped joint after a step of the pressure: rates, or durations of steps"
     creep = end * (1.0 - np.exp(-time_s / RETARDATION_S))
@@ -81,9 +82,9 @@ def follows_time(subject: Subject) -> None:
 
 
 def keeps_damage_in_its_specimen(subject: Subject) -> None:
-    """damage goes on in the later runs of its specimen, and in no other."""
+    """damage persists in later runs of the same specimen, and in no other."""
     runs = [_sweep(specimen) for specimen in "ABA"]
-    paths = [p.joint_angles for p in needs(subject, "internal_states").follow(_damaged(), runs)[0]]
+    paths = [p.joint_angles for p in capable(subject, HistoryBackend).follow(_damaged(), runs)[0]]
     first, other, again = paths
     agree(other, first, "joint angles (rad) of a virgin specimen after another", atol=1e-9)
     differs = np.abs(again - first).max() > 10 * ANGLE_RAD
@@ -92,7 +93,7 @@ def keeps_damage_in_its_specimen(subject: Subject) -> None:
 
 def differentiates(subject: Subject) -> None:
     """`towards` gives the change of every path to first order, damage of earlier runs included."""
-    engine, chain, step = needs(subject, "internal_states"), _damaged(), 1e-4
+    engine, chain, step = capable(subject, HistoryBackend), _damaged(), 1e-4
 
     def pressed_by(factor: float) -> tuple[History, ...]:
         return (_sweep().with_actuation(pressure_pa=factor * _sweep().actuation["pressure_pa"]),) * 2
@@ -106,21 +107,22 @@ def differentiates(subject: Subject) -> None:
 
 
 def follows_in_threads(subject: Subject) -> None:
-    """`follow`, called by several threads at once, gives each what it gives alone."""
-    engine, shares = needs(subject, "threads"), np.linspace(0.3, 1.0, 8)
+    """`follow` gives the same result when called by several threads at once."""
+    needs(subject, "threads")
+    engine, shares = capable(subject, HistoryBackend), np.linspace(0.3, 1.0, 8)
     chains = [bent_chain(payload=share * PAYLOAD_KG) for share in shares]
     with ThreadPoolExecutor(len(shares)) as pool:
         found = list(pool.map(lambda chain: engine.follow(chain, [_sweep()])[0][0], chains))
     for share, chain, got in zip(shares, chains, found, strict=True):
-        (alone,) = subject.build().follow(chain, [_sweep()])[0]
+        (alone,) = capable(subject, HistoryBackend).follow(chain, [_sweep()])[0]
         finding = f"joint angles (rad) with {share:.0%} of the payload, beside other threads"
         agree(got.joint_angles, alone.joint_angles, finding, atol=1e-12)
 
 
-def names_missing_inputs_of_runs(subject: Subject) -> None:
+def names_missing_run_inputs(subject: Subject) -> None:
     """`follow` refuses a history without an input of the chain; the message names run and input."""
-    lost = History.of({"tendon_force_n": np.ones(3)}, run="lost")
-    engine, accepted = needs(subject, "internal_states"), "a run without a pressure was followed"
+    lost = History.from_arrays({"tendon_force_n": np.ones(3)}, run="lost")
+    engine, accepted = capable(subject, HistoryBackend), "a run without a pressure was followed"
     pattern = r"(?s)(?=.*lost).*pressure_pa"
     require_refused(
         lambda: engine.follow(sample_chain(modules=1), [lost]), accepted, pattern, "run and input"
@@ -133,7 +135,7 @@ def batches_settle_as_one_by_one(subject: Subject) -> None:
     cases = [
         Case(chain, pressed(share * PRESSURE_PA)) for chain, share in zip(chains, (0.4, 1, 1), strict=True)
     ]
-    found = subject.build().settle_batch(cases)
+    found = capable(subject, BatchBackend).settle_batch(cases)
     require(len(found) == len(cases), f"{len(cases)} cases gave {len(found)} equilibria")
     for number, (case, got) in enumerate(zip(cases, found, strict=True), start=1):
         alone = settled_under(subject, case.chain, case.inputs)
@@ -144,14 +146,14 @@ def batches_settle_as_one_by_one(subject: Subject) -> None:
 
 
 def batches_roll_as_one_by_one(subject: Subject) -> None:
-    """`rollout_batch` goes through each history from rest, as `apply` and `step` do sample by sample."""
+    """`rollout_batch` simulates each history from rest, as `apply` and `step` do sample by sample."""
     time_s: Array = 0.02 * np.arange(4, dtype=float)
     rising, falling = (
-        History.of({"pressure_pa": PRESSURE_PA * np.array(shares)}, time_s)
+        History.from_arrays({"pressure_pa": PRESSURE_PA * np.array(shares)}, time_s)
         for shares in ([0.0, 0.3, 0.6, 1.0], [1.0, 0.5, 0.2, 0.0])
     )
     engine, chain = subject.build(), sample_chain(modules=2)
-    found = engine.rollout_batch([Run(chain, rising), Run(chain, falling)])
+    found = capable(subject, BatchBackend).rollout_batch([Run(chain, rising), Run(chain, falling)])
     require(len(found) == 2, f"2 runs gave {len(found)} rollouts")
     for got, history in zip(found, (rising, falling), strict=True):
         agree(got.time_s, time_s, "time_s of a rollout", atol=1e-12)
@@ -198,11 +200,11 @@ def sensitivities_are_differences(subject: Subject) -> None:
 
 
 def exports_a_file(subject: Subject) -> None:
-    """`export` writes the file that it was asked for and names it first; engines without a format declare none."""
-    engine, chain = needs(subject, "export"), bent_chain(payload=PAYLOAD_KG)
+    """`export` writes the requested file and names it first; engines without a format declare none."""
+    engine, chain = capable(subject, ExportBackend), bent_chain(payload=PAYLOAD_KG)
     before = chain_numbers(chain)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"chain.{engine.capabilities.export}"
+        path = Path(folder) / f"chain.{engine.export_format}"
         written = engine.export(chain, path)
         first = bool(written) and written[0] == path
         require(first, f"the files that it names are {written}, not {path} first")

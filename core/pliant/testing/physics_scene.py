@@ -1,4 +1,4 @@
-"""Checks of a `PhysicsBackend` with contacts (`Capabilities.contacts`): free bodies, friction, arms that hold."""
+"""Checks of a `PhysicsBackend` with contacts (`SceneBackend`): free bodies, friction, grasping arms."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.interfaces.physics import SceneSimulation
+from pliant.interfaces.physics import SceneBackend
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.records.design import Array
 from pliant.records.law import Domain
 from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
 from pliant.testing import Subject, agree, once, require
-from pliant.testing.physics import needs
+from pliant.testing.physics import capable
 from pliant.testing.samples import (
     NO_GRAVITY_M_S2,
     OBJECT_KG,
@@ -31,7 +32,7 @@ from pliant.testing.stand_ins import StandInSimulation
 G = 9.81
 WEIGHT_N = np.array([0.0, 0.0, OBJECT_KG * G])
 CONTROL_S = 0.02
-# The bar of every engine: what is held creeps no faster, and settled arms agree with statics.
+# Tolerances of every engine: creep of held objects, and difference of settled arms from statics.
 CREEP_M_S = 1e-4
 SETTLED_M = 5e-5
 PLACE_M = 1e-9
@@ -43,12 +44,12 @@ LIFT_M_S = np.array([0.0, 0.0, 0.03])
 def _scene(
     subject: Subject, arms: Sequence[Arm] = (), objects: Sequence[FreeBody] = (), **more: object
 ) -> SceneSimulation:
-    """A new simulation, in an engine with contacts."""
-    return needs(subject, "contacts").build_scene(Scene(tuple(arms), tuple(objects), **more))  # type: ignore[arg-type]
+    """Return a new simulation in an engine with contacts."""
+    return capable(subject, SceneBackend).build_scene(Scene(tuple(arms), tuple(objects), **more))  # type: ignore[arg-type]
 
 
 def _run(simulation: SceneSimulation, duration_s: float) -> SceneState:
-    """Steps of 20 ms, as tasks take them."""
+    """Advance by steps of 20 ms, as tasks do; return the state."""
     for _ in range(round(duration_s / CONTROL_S)):
         simulation.step(CONTROL_S)
     return simulation.snapshot()
@@ -61,7 +62,7 @@ class Pinched:
     contacts: Sequence[Contact]
     first: SceneState
     numbers: Array
-    """Those of `first` when it was taken."""
+    """Contacts of `first` at its time."""
     last: SceneState
     restored: SceneState
     last_again: SceneState
@@ -69,8 +70,8 @@ class Pinched:
 
 @once
 def _pinched(subject: Subject) -> Pinched:
-    """The box pinched and lifted off the floor, until nothing swings; then held."""
-    with needs(subject, "contacts").build_scene(pinch_scene()) as simulation:
+    """Pinch the box and lift it off the floor until nothing swings, then hold it."""
+    with capable(subject, SceneBackend).build_scene(pinch_scene()) as simulation:
         simulation.apply(pinching())
         _run(simulation, 0.6)
         simulation.carry(LIFT_M_S)
@@ -87,7 +88,7 @@ def _numbers(state: SceneState) -> Array:
 
 
 def _force_on_objects(contacts: Sequence[Contact]) -> Array:
-    """(3,) the whole force of all contacts on the first object."""
+    """Return (3,) the total force of all contacts on the first object."""
     part, total = Part("object"), np.zeros(3)
     for c in contacts:
         if part in (c.first, c.second):
@@ -112,7 +113,7 @@ def starts_where_the_scene_is(subject: Subject) -> None:
 
 
 def objects_fall(subject: Subject) -> None:
-    """a free object falls with the scene's gravity and does not turn, wherever its centre of mass is."""
+    """a free object falls with the scene's gravity and does not rotate, wherever its centre of mass is."""
     with _scene(subject, [], [lopsided_box(position_m=np.array([0.0, 0.0, 1.0]))]) as simulation:
         state = _run(simulation, 0.2)
     agree(state.velocities[0], [0, 0, -G * 0.2, 0, 0, 0], "velocity after 0.2 s of falling", atol=2e-3)
@@ -174,7 +175,7 @@ def friction_is_the_product(subject: Subject) -> None:
 
 
 def arms_settle_in_equilibrium(subject: Subject) -> None:
-    """an arm alone in a scene comes to rest where statics puts its chain, under every load, within 0.05 mm."""
+    """a single arm in a scene settles at the pose of the chain's statics, under every load, within 0.05 mm."""
     finger = sample_finger(law=linear_law(stiffness=0.04), modules=2, payload=0.004, gravity=(0, 0, 0))
     inputs = Inputs(
         {"pressure_pa": PRESSURE_PA},
@@ -240,7 +241,7 @@ def contacts_have_signs(subject: Subject) -> None:
 
 
 def held_objects_do_not_creep(subject: Subject) -> None:
-    """what two fingers hold rises with the carriage and creeps by at most 0.1 mm/s."""
+    """an object held by two fingers rises with the carriage and creeps by at most 0.1 mm/s."""
     first, last = _pinched(subject).first, _pinched(subject).last
     risen = 1e3 * float(last.positions_m[0, 2] - first.positions_m[0, 2])
     carried = 1e3 * float(last.carriage_m[2] - first.carriage_m[2])
@@ -252,7 +253,7 @@ def held_objects_do_not_creep(subject: Subject) -> None:
 
 
 def restores_a_scene(subject: Subject) -> None:
-    """`restore` brings a scene in contact back exactly, and the same steps then give the same motion."""
+    """`restore` reproduces a scene in contact exactly, and the same steps then give the same motion."""
     held = _pinched(subject)
     first, last = _numbers(held.first), _numbers(held.last)
     moved = np.abs(last - held.numbers).max() > 1e-3
@@ -265,7 +266,7 @@ def restores_a_scene(subject: Subject) -> None:
 
 
 def scenes_report_extrapolation(subject: Subject) -> None:
-    """where laws of a scene are used outside their domain: joints are numbered through all arms in a row."""
+    """use of a scene's laws outside their domain is reported; joints are numbered across all arms."""
     boxes = Domain.unbounded(1), Domain(np.array([0.0, 1e4]), np.array([[-2.0, 2.0]]))
     laws = [linear_law(stiffness=0.2, domain=box) for box in boxes]
     with _scene(
@@ -285,9 +286,9 @@ def scenes_report_extrapolation(subject: Subject) -> None:
 
 
 def scenes_are_independent(subject: Subject) -> None:
-    """two scenes of one engine do not know of each other; `close` twice is harmless."""
+    """two scenes of one engine are independent; `close` twice is harmless."""
     first = _scene(subject, [], [sample_box(position_m=np.array([0.0, 0.0, 0.5]))])
-    other = needs(subject, "contacts").build_scene(pinch_scene())
+    other = capable(subject, SceneBackend).build_scene(pinch_scene())
     other.apply(pinching())
     other.carry(LIFT_M_S)
     for _ in range(5):
@@ -302,10 +303,10 @@ def scenes_are_independent(subject: Subject) -> None:
 
 
 def leaves_the_scene_alone(subject: Subject) -> None:
-    """the scene is the caller's: it is not changed."""
+    """the scene belongs to the caller and is not changed."""
     scene = pinch_scene()
     before = scene_numbers(scene)
-    with needs(subject, "contacts").build_scene(scene) as simulation:
+    with capable(subject, SceneBackend).build_scene(scene) as simulation:
         simulation.apply(pinching())
         _run(simulation, 0.1)
     require(np.array_equal(before, scene_numbers(scene)), "an array of the scene was changed in place")

@@ -80,7 +80,7 @@ class SofteningLaw(JointLaw):
 
 @dataclass(frozen=True, eq=False)
 class OpposedLaw(JointLaw):
-    """Two chambers that bend to either side and stiffen: τ = g (p₁ − p₂) − (K + c (p₁ + p₂)) u − q u³."""
+    """Law of two opposed chambers that also stiffen: τ = g (p₁ − p₂) − (K + c (p₁ + p₂)) u − q u³."""
 
     domain: Domain
     gain: float = 1.6e-6
@@ -104,12 +104,12 @@ class OpposedLaw(JointLaw):
 
 
 def opposed_law() -> OpposedLaw:
-    """The law of two chambers, without limits."""
+    """Return the law of two chambers, without limits."""
     return OpposedLaw(Domain(np.tile([-np.inf, np.inf], (2, 1)), np.array([[-np.inf, np.inf]])))
 
 
 def opposed_table(count: int = 80) -> ModuleData:
-    """Scattered states of `opposed_law`, corners of the box among them, every fifth of role "check"."""
+    """Return scattered states of `opposed_law`, including corners of the box, every fifth of role "check"."""
     random, law = np.random.default_rng(5), opposed_law()
     corners = np.array(list(product((0.0, 1.0), repeat=3)))
     at = np.vstack([corners, random.random((count - len(corners), 3))])
@@ -120,7 +120,7 @@ def opposed_table(count: int = 80) -> ModuleData:
 
 
 def _table(law: JointLaw, p: Array, u: Array, role: Any, **own: Any) -> ModuleData:
-    """States of a law with every deformation held, without energies; `own` are further fields or others."""
+    """Return the states of a law with every deformation prescribed, without energies; `own` overrides fields."""
     effort, n = law.evaluate(p, u), len(p)
     fields = {
         "tau": effort.tau,
@@ -148,25 +148,25 @@ def _table(law: JointLaw, p: Array, u: Array, role: Any, **own: Any) -> ModuleDa
 
 
 def linear_law(gain: float = 8e-7, stiffness: float = 0.04, domain: Domain | None = None) -> LinearLaw:
-    """A hinge that bends by g p / k under the pressure p."""
+    """Return a hinge that bends by g p / k under the pressure p."""
     box = domain or Domain.unbounded(1)
     return LinearLaw(np.array([gain]), np.array([[stiffness]]), box)
 
 
 def linear_spherical_law() -> LinearLaw:
-    """Three coupled axes x, y, z; pressure turns mostly about y."""
+    """Return a law of three coupled axes x, y, z; pressure bends mostly about y."""
     stiffness = np.array([[0.05, 0.004, 0.0], [0.004, 0.04, -0.003], [0.0, -0.003, 0.06]])
     gain = np.array([2e-7, 8e-7, -3e-7])
     return LinearLaw(gain, stiffness, Domain.unbounded(3), "spherical", ("x", "y", "z"))
 
 
 def linear_prismatic_law() -> LinearLaw:
-    """A joint that extends along x."""
+    """Return a joint that extends along x."""
     return LinearLaw(np.array([2e-5]), np.array([[400.0]]), Domain.unbounded(1), "prismatic", ("x",))
 
 
 def linear_extensible_law() -> LinearLaw:
-    """The three coupled axes of `linear_spherical_law` and an extension, which bending about y shortens."""
+    """Return a law of the three axes of `linear_spherical_law` and an extension, which bending about y shortens."""
     turns = linear_spherical_law()
     stiffness = np.zeros((4, 4))
     stiffness[:3, :3] = turns.stiffness
@@ -177,24 +177,24 @@ def linear_extensible_law() -> LinearLaw:
 
 
 def barred_law(law: LinearLaw, domain: Domain, size: float, seed: int = 0) -> LinearLaw:
-    """The law with this domain and the error bar of normal misses of one size (N·m, N) everywhere."""
+    """Return the law with this domain and the error bar of normal residuals of one size (N·m, N) everywhere."""
     random = np.random.default_rng(seed)
     k = len(law.axes)
     box = np.vstack([domain.actuation, domain.deformation])
     places = box[:, 0] + np.ptp(box, axis=1) * random.random((300, 1 + k))
-    bar = ErrorBar.of(box, places[:, 0], places[:, 1:], size * random.standard_normal((300, k)))
+    bar = ErrorBar.from_residuals(box, places[:, 0], places[:, 1:], size * random.standard_normal((300, k)))
     return replace(law, domain=domain, error=bar)
 
 
 def softening_law() -> SofteningLaw:
-    """The worked law, without limits."""
+    """Return the worked law, without limits."""
     return SofteningLaw(Domain.unbounded(1))
 
 
 def sample_chain(
     law: JointLaw | None = None, modules: int = 8, turns_rad: Sequence[float] = (0.0,), **chain: object
 ) -> ChainModel:
-    """A chain of equal thin modules; `turns_rad` gives the rotation of each segment of `modules` modules.
+    """Return a chain of equal thin modules; `turns_rad` gives the rotation of each segment of `modules` modules.
 
     Further keys are those of a study's `chain` block, such as ``gravity=(0, 0, 0)`` or ``payload=0.01``.
     """
@@ -203,8 +203,8 @@ def sample_chain(
     return build_chain(config, [Segment(module, modules, turn) for turn in turns_rad])
 
 
-def table_of(law: JointLaw, noise_n_m: float = 0.0, pressures: int = 6, angles: int = 7) -> FemDataset:
-    """FEM-like states of a one-axis law: a grid of role "fit" and ten scattered states of role "check"."""
+def sample_table(law: JointLaw, noise_n_m: float = 0.0, pressures: int = 6, angles: int = 7) -> FemDataset:
+    """Return FEM-like states of a one-axis law: a grid of role "fit" and ten scattered states of role "check"."""
     grid = np.meshgrid(np.linspace(0, PRESSURE_PA, pressures), np.linspace(-0.2, 0.45, angles), indexing="ij")
     random = np.random.default_rng(7)
     p = np.concatenate([grid[0].ravel(), PRESSURE_PA * random.random(10)])
@@ -267,7 +267,7 @@ class EnergyLaw(JointLaw):
 
 
 def slope_columns(powers: IntArray, p: Array, u: Array, axes: tuple[int, ...]) -> Array:
-    """(n, j) each term p^a u^b of an energy, differentiated by the u of the axes named."""
+    """Return (n, j) each term p^a u^b of an energy, differentiated by the u of the axes named."""
     left, factor = powers[:, 1:].copy(), np.ones(len(powers))
     for k in axes:
         factor = factor * left[:, k]
@@ -277,7 +277,7 @@ def slope_columns(powers: IntArray, p: Array, u: Array, axes: tuple[int, ...]) -
 
 
 def energy_law(terms: Terms, domain: Domain | None = None) -> EnergyLaw:
-    """The law of an energy whose coefficients are given by powers (of p, then of u): a hinge, or a ball joint."""
+    """Return the law of an energy with coefficients by powers (of p, then of u): a hinge, or a ball joint."""
     powers = np.array(list(terms))
     coefficients, box = np.array(list(terms.values())), domain or Domain.unbounded(powers.shape[1] - 1)
     if powers.shape[1] == 2:
@@ -285,11 +285,11 @@ def energy_law(terms: Terms, domain: Domain | None = None) -> EnergyLaw:
     return EnergyLaw(coefficients, powers, box, "spherical", ("x", "y", "z"))
 
 
-def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -> ModuleData:
-    """Scattered states of a law of three axes: of each axis alone, of all held, and every fifth of role "check".
+def sample_module_table(law: JointLaw, energies: bool = True, slopes: bool = True) -> ModuleData:
+    """Return scattered states of a law of three axes: of each axis, of all prescribed, every fifth of role "check".
 
-    With `energies` the work done along the way: energy_j = Π + p·travel with travel = −∂Π/∂p, of which a law of
-    efforts knows all but a function of p, here zero.
+    With `energies` the work along the path: energy_j = Π + p·travel with travel = −∂Π/∂p, which a law of efforts
+    determines up to a function of p, here zero.
     """
     random = np.random.default_rng(11)
     n = 100
@@ -313,14 +313,14 @@ def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -
 
 
 def coupled_law() -> EnergyLaw:
-    """Three axes that know of each other, without limits: Π = K·u²/2 − p (g y + m y²/2) + a x² y − a y z²."""
+    """Return a law of three coupled axes, without limits: Π = K·u²/2 − p (g y + m y²/2) + a x² y − a y z²."""
     stiffness: Terms = {(0, 2, 0, 0): 0.025, (0, 0, 2, 0): 0.015, (0, 0, 0, 2): 0.02}
     driven: Terms = {(1, 0, 1, 0): -3e-7, (1, 0, 2, 0): -5e-8}
     return energy_law({**stiffness, **driven, (0, 2, 1, 0): 0.015, (0, 0, 1, 2): -0.015})
 
 
 def chain_numbers(chain: ChainModel) -> Array:
-    """All arrays of a chain in a row."""
+    """Return all arrays of a chain, concatenated."""
     parts = [chain.tip_offset_m, chain.base_position_m, chain.base_rotation, chain.gravity_m_s2]
     parts += [a for j in chain.joints for a in (j.offset_m, j.rest_rotation)]
     parts += [a for b in chain.bodies for a in (b.com_m, b.inertia_kg_m2, np.array(b.mass_kg))]
@@ -337,7 +337,7 @@ HALF_TURN = exp_map(np.array([0.0, 0.0, np.pi]))
 
 
 def sample_box(half_m: tuple[float, float, float] = (0.015, 0.015, 0.015), **changes: Any) -> FreeBody:
-    """A uniform box of 20 g with friction 1 at the origin; `changes` are fields of `FreeBody`."""
+    """Return a uniform box of 20 g with friction 1 at the origin; `changes` are fields of `FreeBody`."""
     a, b, c = half_m
     inertia = OBJECT_KG / 3 * np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
     fields: dict[str, Any] = {
@@ -352,7 +352,7 @@ def sample_box(half_m: tuple[float, float, float] = (0.015, 0.015, 0.015), **cha
 
 
 def lopsided_box(**changes: Any) -> FreeBody:
-    """A box whose centre of mass is not its origin, with principal axes that are not its own."""
+    """Return a box whose centre of mass is not its origin, and whose principal axes are not its axes."""
     turn = exp_map(np.array([0.4, -0.3, 0.2]))
     inertia = turn @ np.diag([2e-6, 3e-6, 4e-6]) @ turn.T
     mass = MassProperties(OBJECT_KG, np.array([0.004, -0.002, 0.003]), inertia)
@@ -366,7 +366,7 @@ def sample_finger(
     facing: Array | None = None,
     **chain: object,
 ) -> ChainModel:
-    """A round finger of 12 mm that hangs from `base_m` and bends toward world +x, or that turned by `facing`."""
+    """Return a round finger of 12 mm that hangs from `base_m` and bends toward world +x, rotated by `facing`."""
     module = rod_module(
         law or linear_law(gain=8e-6, stiffness=0.2), MODULE_LENGTH_M, FINGER_MODULE_KG, FINGER_RADIUS_M
     )
@@ -376,7 +376,7 @@ def sample_finger(
 
 
 def pinch_scene() -> Scene:
-    """Two opposed fingers beside a box on a floor; 10 kPa press them to it."""
+    """Return two opposed fingers on both sides of a box on a floor; 10 kPa press them to it."""
     left = sample_finger((-0.026, 0.0, 0.05))
     right = sample_finger((0.026, 0.0, 0.05), facing=HALF_TURN)
     box = sample_box(half_m=(0.015, 0.015, 0.02), position_m=np.array([0.0, 0.0, 0.02]))
@@ -384,13 +384,13 @@ def pinch_scene() -> Scene:
 
 
 def pinching(pressure_pa: float = PINCH_PRESSURE_PA) -> tuple[Inputs, Inputs]:
-    """Inputs of both fingers of `pinch_scene`."""
+    """Return the inputs of both fingers of `pinch_scene`."""
     inputs = Inputs({"pressure_pa": pressure_pa})
     return inputs, inputs
 
 
 def scene_numbers(scene: Scene) -> Array:
-    """All arrays of a scene in a row."""
+    """Return all arrays of a scene, concatenated."""
     parts = [scene.gravity_m_s2, *(chain_numbers(arm.chain) for arm in scene.arms)]
     shapes = [shape for arm in scene.arms for piece in arm.chain.shapes for shape in piece]
     parts += [a for body in scene.objects for a in (body.mass.com_m, body.mass.inertia_kg_m2)]
@@ -403,5 +403,5 @@ def scene_numbers(scene: Scene) -> Array:
 def dashpot(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    """M = −c u'."""
+    """Return M = −c u'."""
     return -c[0] * rate

@@ -1,4 +1,4 @@
-"""Families of laws that are smooth in two parameters, and their data as FEM would give them: for meta-models.
+"""Families of laws that are smooth in two parameters, and their data in the form of FEM data, for meta-models.
 
 Every law derives from an energy with the symmetry of a module whose mirror plane is y = 0, and is stable in its
 box: −0.5 to 1.2 times the largest free angle about y, ±0.3 rad about x and z.
@@ -28,7 +28,7 @@ LATERAL_RAD = 0.3
 
 
 def sample_law(values: Array) -> EnergyLaw:
-    """The true law of one axis, y, of a design (R, t), with its box:
+    """Return the true law of one axis, y, of a design (R, t), with its box:
 
     τ = k p + m p u − b u − c u² − d u³ with k ∝ R³, m ∝ R², b ∝ t², c ∝ t, d ∝ t/R.
     """
@@ -43,7 +43,7 @@ def _bending_terms(values: Array) -> dict[tuple[int, ...], float]:
 
 
 def spherical_sample_law(values: Array) -> EnergyLaw:
-    """The true law of three axes, with its box: the same about y; x and z are coupled with it and with each other by
+    """Return the true law of three axes, with its box: the same about y; x and z are coupled with it and each other by
 
     −∂/∂u of ½ b_x u_x² + ½ b_z u_z² + g u_x u_z + (e u_y + h p)(u_x² + u_z²)/2.
     """
@@ -61,7 +61,7 @@ def spherical_sample_law(values: Array) -> EnergyLaw:
 
 
 def opposed_sample_law(values: Array) -> OpposedLaw:
-    """The true law of one axis under two pressures, with its box: ± 1.2 times what one of them alone does.
+    """Return the true law of one axis under two pressures, with its box: ± 1.2 times the angle of one of them.
 
     τ = g (p₁ − p₂) − (K + c (p₁ + p₂)) u − q u³ with g ∝ R³, K ∝ t², c ∝ R t, q ∝ t/R.
     """
@@ -78,7 +78,7 @@ def _bending_range(law: JointLaw) -> Array:
 
 
 def held(law: JointLaw, actuation: Array, deformation: Array) -> Array:
-    """(n, a) deformation with no effort about the axes that are NaN in `deformation`, by Newton."""
+    """Return (n, a) deformation with zero effort about the axes that are NaN in `deformation`, by Newton."""
     p, free = np.asarray(actuation, float), np.isnan(deformation)
     u = np.where(free, 0.0, deformation)
     identity = np.eye(u.shape[1])
@@ -90,20 +90,20 @@ def held(law: JointLaw, actuation: Array, deformation: Array) -> Array:
 
 
 def free_angles(law: JointLaw, actuation: Array) -> Array:
-    """(n, a) deformation of the free joint."""
+    """Return (n, a) deformation of the free joint."""
     p = np.asarray(actuation, float)
     return held(law, p, np.full((len(p), len(law.axes)), np.nan))
 
 
 def grid(counts: tuple[int, int], within: Array = RANGE) -> Array:
-    """(n, 2) designs on a regular grid over the range."""
+    """Return (n, 2) designs on a regular grid over the range."""
     ticks = [np.linspace(low, high, count) for (low, high), count in zip(within, counts, strict=True)]
     points: Array = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
     return points
 
 
 def unseen_designs(count: int = 6, seed: int = 5) -> Array:
-    """(count, 2) designs between those of a grid, in the middle 80 % of the range."""
+    """Return (count, 2) designs between those of a grid, in the middle 80 % of the range."""
     middle, width = RANGE.mean(axis=1), np.ptp(RANGE, axis=1)
     shares = np.random.default_rng(seed).uniform(-0.4, 0.4, (count, 2))
     points: Array = middle + shares * width
@@ -111,25 +111,25 @@ def unseen_designs(count: int = 6, seed: int = 5) -> Array:
 
 
 def solved_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
-    """Designs with one axis: about 20 states of role "fit" and 5 of role "check" each."""
-    return _solved(grid(counts), sample_law, _states_of_one_axis)
+    """Return designs with one axis: about 20 states of role "fit" and 5 of role "check" each."""
+    return _solved(grid(counts), sample_law, _one_axis_states)
 
 
 def solved_opposed_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
-    """Designs with one axis under two pressures: 31 states of role "fit" and 8 of role "check" each."""
-    return _solved(grid(counts), opposed_sample_law, _states_of_two_inputs)
+    """Return designs with one axis under two pressures: 31 states of role "fit" and 8 of role "check" each."""
+    return _solved(grid(counts), opposed_sample_law, _two_input_states)
 
 
 def solved_spherical_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
-    """Designs with three axes: about 50 states of role "fit" and 10 of role "check" each."""
-    return _solved(grid(counts), spherical_sample_law, _states_of_three_axes)
+    """Return designs with three axes: about 50 states of role "fit" and 10 of role "check" each."""
+    return _solved(grid(counts), spherical_sample_law, _three_axis_states)
 
 
-# What a state holds, which axis it explores, its branch and role; pressures and angles as shares of their ranges.
+# Prescribed values of a state, explored axis, branch and role; pressures and angles as shares of their ranges.
 _Plan = tuple[Levels, dict[str, float], str, str, str]
 
 
-def _states_of_one_axis() -> list[_Plan]:
+def _one_axis_states() -> list[_Plan]:
     random = np.random.default_rng(7)
     free: list[_Plan] = [(s, {}, "y", "free", "fit") for s in np.linspace(0, 1, 5)]
     shares = [(s, v) for s in (0.0, 0.5, 1.0) for v in np.linspace(0, 1, 5)]
@@ -140,7 +140,7 @@ def _states_of_one_axis() -> list[_Plan]:
     return [*free, *fitted, *check]
 
 
-def _states_of_two_inputs() -> list[_Plan]:
+def _two_input_states() -> list[_Plan]:
     random = np.random.default_rng(9)
     free: list[_Plan] = [
         (s, {}, "y", "free", "fit") for s in ((0, 0), (0.5, 0), (1, 0), (0, 0.5), (0, 1), (1, 1))
@@ -154,7 +154,7 @@ def _states_of_two_inputs() -> list[_Plan]:
     return [*free, *held]
 
 
-def _states_of_three_axes() -> list[_Plan]:
+def _three_axis_states() -> list[_Plan]:
     random = np.random.default_rng(8)
     grid = product("xz", (0.0, 0.5, 1.0), (0.0, 0.25, 1.0))
     lateral: list[_Plan] = [(s, {axis: v}, axis, "constrained", "fit") for axis, s, v in grid]
@@ -163,7 +163,7 @@ def _states_of_three_axes() -> list[_Plan]:
         for role, count in (("fit", 14), ("check", 6))
         for s, *v in random.random((count, 4))
     ]
-    return [*_states_of_one_axis(), *lateral, *whole]
+    return [*_one_axis_states(), *lateral, *whole]
 
 
 def _solved(

@@ -1,4 +1,4 @@
-"""Small complete implementations that checks use beside the component under test: a solid, an engine and its scenes."""
+"""Small complete implementations for checks of other components: a solid, an engine and its scenes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,8 @@ from typing import Literal
 import numpy as np
 
 from pliant.interfaces.material import Hyperelastic, Material, MaterialConfig
-from pliant.interfaces.physics import (
-    Capabilities,
-    PhysicsBackend,
-    PhysicsConfig,
-    SceneSimulation,
-    Simulation,
-    SimulationState,
-)
+from pliant.interfaces.physics import Capabilities, PhysicsBackend, PhysicsConfig
+from pliant.interfaces.simulation import SceneSimulation, StaticSimulation
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -79,12 +73,12 @@ class Ciarlet(Material):
 
 
 def sample_material() -> Ciarlet:
-    """A soft solid with ν = 0.3."""
+    """Return a soft solid with ν = 0.3."""
     return Ciarlet(CiarletConfig())
 
 
 def scaled_sample(factor: float) -> Ciarlet:
-    """The soft solid, `factor` times as stiff."""
+    """Return the soft solid, `factor` times as stiff."""
     plain = CiarletConfig()
     return Ciarlet(
         CiarletConfig(lame_pa=factor * plain.lame_pa, shear_modulus_pa=factor * plain.shear_modulus_pa)
@@ -92,13 +86,13 @@ def scaled_sample(factor: float) -> Ciarlet:
 
 
 class StandInConfig(PhysicsConfig):
-    """The stand-in engine has no settings."""
+    """Config of the stand-in engine, without settings."""
 
     kind: Literal["stand_in"] = "stand_in"
 
 
 class StandIn(PhysicsBackend):
-    """Equilibria by plain Newton with a few load steps: enough for short chains, no more."""
+    """Engine of equilibria by Newton's method with a few load steps, for short chains."""
 
     capabilities = Capabilities(joints=("revolute", "spherical", "prismatic"), dynamic=False)
 
@@ -106,20 +100,18 @@ class StandIn(PhysicsBackend):
         return StandInSimulation(chain)
 
 
-class StandInSimulation(Simulation):
+class StandInSimulation(StaticSimulation):
     """A chain at rest until `apply` and `settle`."""
 
     def __init__(self, chain: ChainModel) -> None:
-        self.chain = chain
+        super().__init__(chain)
         self.statics = ChainStatics(chain)
-        self.q = np.zeros((chain.n_joints, len(chain.axes)))
         self.loads = Loads.none(chain)
         self.applied = self.loads
-        self.time_s = 0.0
 
     def apply(self, inputs: Inputs) -> None:
         self.statics.efforts.values(inputs.actuation)
-        self.applied = Loads.of(self.chain, inputs)
+        self.applied = Loads.from_inputs(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
         started = time.perf_counter()
@@ -152,23 +144,14 @@ class StandInSimulation(Simulation):
         return 30
 
     def step(self, duration_s: float) -> None:
-        """To the equilibrium under the present loads, which are near the last ones."""
+        """Move to the equilibrium under the present loads, which are close to the last ones."""
         self.time_s += duration_s
         self.loads = self.applied
         self._newton(self.loads)
 
-    def snapshot(self) -> SimulationState:
-        return SimulationState(self.time_s, self.q.copy(), np.zeros_like(self.q))
-
-    def restore(self, state: SimulationState) -> None:
-        self.time_s, self.q = state.time_s, state.position.copy()
-
-    def markers(self) -> Array:
-        return self.statics.geometry.markers(self.q)
-
 
 class StandInScene(SceneSimulation):
-    """Arms in equilibrium on a moving carriage, objects where they are; nothing touches."""
+    """Scene with arms in equilibrium on a moving carriage and fixed objects, without contact."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene

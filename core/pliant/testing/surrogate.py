@@ -17,28 +17,33 @@ from pliant.testing.joint_laws import (
     require_joints_apart,
     require_potential,
     require_same_bits,
+    require_same_compiled,
     stored,
 )
 from pliant.testing.samples import (
     coupled_law,
     linear_law,
-    module_table_of,
     opposed_law,
     opposed_table,
+    sample_module_table,
+    sample_table,
     softening_law,
-    table_of,
 )
 
-# States of a law with curvature and a little scatter, so that no form fits them exactly, and points inside their box.
-DATA = table_of(softening_law(), noise_n_m=2e-5)
-LINEAR = table_of(linear_law())
+# States of a nonlinear law with a little scatter, so that no form fits them exactly, and points inside their box.
+NOISE_N_M = 2e-5
+DATA = sample_table(softening_law(), noise_n_m=NOISE_N_M)
+LINEAR = sample_table(linear_law())
 _SHARES = np.random.default_rng(11).random((2, 20))
 P = DATA.actuation.max() * _SHARES[0]
 U = (DATA.angle_rad.min() + np.ptp(DATA.angle_rad) * _SHARES[1])[:, None]
+# New states that test a 90 % band, the smallest share that it contains, and its largest width: relative to the
+# residuals, or to the effort's range.
+NEW, FEWEST_HELD, WIDEST, WIDEST_OF_RANGE = 200, 0.5, 10.0, 0.02
 
 
 def _surrogate(subject: Subject) -> Surrogate:
-    """Built from the example, or from defaults where that states a law instead of fitting one."""
+    """Return the surrogate built from the example, or from defaults if the example states a law."""
     example: Surrogate = subject.build()
     return example if example.stated() is None else subject.build(subject.plain_config)
 
@@ -49,25 +54,25 @@ def _fitted(subject: Subject) -> FittedLaw:
 
 
 def _tau(subject: Subject, data: FemDataset) -> Array:
-    """τ at the points by a law that is fitted to these data."""
+    """Return τ at the points by a law that is fitted to these data."""
     return _surrogate(subject).fit(data).law.evaluate(P, U).tau
 
 
 def _laws(subject: Subject) -> list[JointLaw]:
-    """The fitted law, and the stated one if the example states it."""
+    """Return the fitted law, and the stated one if the example states it."""
     stated = subject.build().stated()
     return [_fitted(subject).law, *([stated] if stated is not None else [])]
 
 
 def fits_a_linear_law(subject: Subject) -> None:
-    """`fit` reproduces what its data say: a linear law to 2 % of the effort's range."""
+    """`fit` reproduces its data: a linear law to 2 % of the effort's range."""
     finding = "τ (N·m) of a fitted linear law is off: units, scaling, or the moment's sign"
     wanted, allowed = linear_law().evaluate(P, U).tau, 0.02 * float(np.ptp(LINEAR.moment_n_m))
     agree(_tau(subject, LINEAR), wanted, finding, atol=allowed)
 
 
 def reports_its_errors_honestly(subject: Subject) -> None:
-    """the report holds the errors on states of role "check", and their number."""
+    """the report contains the errors on states of role "check", and their number."""
     fitted, check = _fitted(subject), DATA.select("check")
     missed = fitted.law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
     worst, spread = float(np.abs(missed).max()), np.sum((check.moment_n_m - check.moment_n_m.mean()) ** 2)
@@ -100,6 +105,12 @@ def slopes_are_derivatives(subject: Subject) -> None:
         require_exact_slopes(law, P, U, rtol=1e-4)
 
 
+def scalar_form_is_the_law(subject: Subject) -> None:
+    """`scalar` gives the same law as `evaluate`, values and slopes, or None: engines compile it."""
+    for law in _laws(subject):
+        require_same_compiled(law)
+
+
 def joints_do_not_affect_each_other(subject: Subject) -> None:
     """laws are vectorised: joints evaluated together or one by one give the same."""
     for law in _laws(subject):
@@ -128,8 +139,8 @@ def effort_derives_from_the_potential(subject: Subject) -> None:
         require_potential(law, P, U, rtol=1e-4)
 
 
-def domain_is_the_box_of_the_data(subject: Subject) -> None:
-    """a law knows its domain: the box of its data, and how far outside a point lies."""
+def domain_is_the_data_box(subject: Subject) -> None:
+    """a law states its domain, the box of its data, and the distance of a point from it."""
     fitted, domain = DATA.select("fit"), _fitted(subject).law.domain
     box = [end for values in (fitted.actuation, fitted.angle_rad) for end in (values.min(), values.max())]
     finding = "the domain is not the box of the fitted states: extrapolation would not be flagged"
@@ -137,8 +148,38 @@ def domain_is_the_box_of_the_data(subject: Subject) -> None:
 
 
 def stays_finite_outside_the_domain(subject: Subject) -> None:
-    """laws answer outside their domain with finite numbers; the excess is flagged, not hidden."""
+    """laws return finite numbers outside their domain and report the excess."""
     require_finite_outside(_fitted(subject).law)
+
+
+def error_bar_holds_new_states(subject: Subject) -> None:
+    """a law's band, if it has one, is finite, wider for a higher level, kept by the record, of the size of its errors,
+    and contains most new states at 90 %.
+    """
+    law = _fitted(subject).law
+    half, wide = (law.band(P, U, level) for level in (0.5, 0.9))
+    if half is None or wide is None:
+        require(half is wide, "the law has a band at one level and none at another")
+        raise CheckSkipped(f"laws of {subject.component.label} state no error")
+    require(wide.shape == U.shape, f"the band's half-widths have shape {wide.shape}, not {U.shape}")
+    require(np.all(np.isfinite(wide)) and np.all(half >= 0), "half-widths are not finite, or below zero")
+    require(np.all(wide >= half), "the band of 90 % is narrower than that of 50 %")
+    again = _surrogate(subject).load(stored(law.record())).band(P, U, 0.9)
+    require(again is not None and np.array_equal(again, wide), "the band is lost in the record")
+    random = np.random.default_rng(3)
+    p, u = (
+        low + (high - low) * random.random(NEW)
+        for low, high in (law.domain.actuation, *law.domain.deformation)
+    )
+    new = softening_law().evaluate(p, u[:, None]).tau[:, 0] + NOISE_N_M * random.standard_normal(NEW)
+    missed = np.abs(law.evaluate(p, u[:, None]).tau[:, 0] - new)
+    band = np.asarray(law.band(p, u[:, None], 0.9))[:, 0]
+    held = float(np.mean(missed <= band))
+    require(held >= FEWEST_HELD, f"the 90 % band holds {100 * held:.0f} % of new states")
+    most = max(WIDEST * float(np.quantile(missed, 0.9)), WIDEST_OF_RANGE * float(np.ptp(DATA.moment_n_m)))
+    middle = float(np.median(band))
+    told = f"the 90 % band is ± {middle:.3g} N·m, 90 % of new states are missed by less than"
+    require(middle <= most, f"{told} {np.quantile(missed, 0.9):.3g} N·m")
 
 
 def law_is_stable(subject: Subject) -> None:
@@ -148,13 +189,13 @@ def law_is_stable(subject: Subject) -> None:
 
 
 def says_when_there_are_too_few_states(subject: Subject) -> None:
-    """too few states raise `UserError`, which says how many are needed."""
+    """too few states raise `UserError` with the number needed."""
     one, accepted = DATA.rows(np.arange(len(DATA)) == 3), "a law was fitted to a single state"
     require_refused(lambda: _surrogate(subject).fit(one), accepted, r"\d", "number of states")
 
 
 def fits_values_without_slopes(subject: Subject) -> None:
-    """slopes may be NaN (data from elsewhere): then values alone are fitted."""
+    """slopes may be NaN (external data): then only values are fitted."""
     blank = np.full(len(LINEAR), np.nan)
     tau = _tau(subject, replace(LINEAR, dmoment_dp=blank, dmoment_du=blank))
     allowed = 0.02 * float(np.ptp(LINEAR.moment_n_m))
@@ -162,7 +203,7 @@ def fits_values_without_slopes(subject: Subject) -> None:
 
 
 def refuses_values_that_are_not_numbers(subject: Subject) -> None:
-    """a moment that is not a number raises `UserError`; it is never fitted or dropped in silence."""
+    """a moment that is not a number raises `UserError`; it is never fitted or silently dropped."""
     moments = np.where(np.arange(len(DATA)) == 5, np.nan, DATA.moment_n_m)
     accepted = "a table with a NaN moment was fitted without a word"
     require_refused(lambda: _surrogate(subject).fit(replace(DATA, moment_n_m=moments)), accepted)
@@ -185,9 +226,9 @@ def stated_law_is_complete(subject: Subject) -> None:
     require(len(stated.axes) == domain.deformation.shape[0], "the domain does not fit the law's axes")
 
 
-def couples_the_axes_of_a_joint(subject: Subject) -> None:
-    """a surrogate that couples axes finds how one axis turns another, with symmetric slopes."""
-    surrogate, wanted, data = _surrogate(subject), coupled_law(), module_table_of(coupled_law())
+def couples_joint_axes(subject: Subject) -> None:
+    """a surrogate that couples axes identifies the coupling, with symmetric slopes."""
+    surrogate, wanted, data = _surrogate(subject), coupled_law(), sample_module_table(coupled_law())
     if not surrogate.couples:
         raise CheckSkipped(f"{subject.component.label} fits each axis by itself")
     law = surrogate.fit_module(data).law
@@ -202,7 +243,7 @@ def couples_the_axes_of_a_joint(subject: Subject) -> None:
 
 
 def carries_several_actuations(subject: Subject) -> None:
-    """a surrogate that says so gives laws of several pressures: values, slopes by each, an energy, a record."""
+    """a surrogate that declares it gives laws of several pressures: values, slopes by each, an energy, a record."""
     surrogate, data = _surrogate(subject), opposed_table()
     if not surrogate.several_actuations:
         raise CheckSkipped(f"{subject.component.label} fits laws of one actuation")

@@ -21,13 +21,13 @@ from pliant.testing.samples import chain_numbers, linear_law, sample_chain
 from pliant.testing.stand_ins import StandInScene, StandInSimulation
 
 UNITS = r"m|rad|n|n_m|pa|s|j|kg|w|c|hz|k|m_s|rad_s|m_s2|n_m_rad|n_per_m"
-# Numbers that have no unit say what they are instead.
+# Names of numbers without a unit state their kind instead.
 DIMENSIONLESS = "ratio|share|count|score|strain|reward"
 NAME = re.compile(rf"([a-z][a-z0-9_]*_)?({UNITS}|{DIMENSIONLESS})")
 
 
 def _chain(subject: Subject, modules: int = 3) -> ChainModel:
-    """A chain that takes pressure, or a tendon's force where the task gives no pressure; round where it may touch."""
+    """Return a chain driven by pressure, or by a tendon if the task has no pressure; round if it may touch."""
     task = subject.build()
     if isinstance(task, SceneTask):
         ball = Shape("sphere", (4e-3,), np.zeros(3), np.eye(3))
@@ -62,7 +62,7 @@ def _contact_only(subject: Subject, otherwise: str) -> None:
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """(name of the metric that holds it, number)"""
+    """Yield pairs (name of the metric, number) of a value's numbers."""
     if isinstance(value, dict):
         for key, item in value.items():
             yield from _leaves(str(key), item)
@@ -74,7 +74,7 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def prepare_leaves_the_chain_alone(subject: Subject) -> None:
-    """`prepare` returns a chain and leaves the one it was given as it was."""
+    """`prepare` returns a chain and does not change its argument."""
     chain = _chain(subject)
     before, payload = chain_numbers(chain), chain.payload_kg
     prepared = subject.build().prepare(chain)
@@ -86,7 +86,7 @@ def prepare_leaves_the_chain_alone(subject: Subject) -> None:
 
 
 def makes_a_scene(subject: Subject) -> None:
-    """`scene` puts copies of the chain into a `Scene` and leaves the chain alone."""
+    """`scene` puts copies of the chain into a `Scene` and does not change the chain."""
     _contact_only(subject, "has no scene")
     task = subject.build()
     chain = task.prepare(_chain(subject))
@@ -101,18 +101,18 @@ def makes_a_scene(subject: Subject) -> None:
 
 
 def leaves_stills(subject: Subject) -> None:
-    """a task with contact leaves stills, which is what pages show of it."""
+    """a task with contact returns stills, which pages show."""
     _contact_only(subject, "is drawn as a chain")
     how = "still(scene, state, label) of pliant.mechanics.stills, at least of the end"
     require(len(_result(subject).stills) > 0, f"the result has no stills: {how}")
 
 
 def leaves_frames(subject: Subject) -> None:
-    """a task with contact leaves frames of its motion: a time, a carriage and joint coordinates of each arm."""
+    """a task with contact returns frames of its motion: a time, a carriage and joint coordinates of each arm."""
     _contact_only(subject, "leaves a rollout instead")
     frames = _result(subject).frames
     if frames is None:
-        raise Finding("the result has no frames: SceneFrames.of(states) of the first trial")
+        raise Finding("the result has no frames: SceneFrames.from_states(states) of the first trial")
     t = len(frames.time_s)
     require(t > 1 and np.all(np.diff(frames.time_s) > 0), f"time_s of the {t} frames does not increase")
     rows = {len(part) for part in (frames.carriage_m, *frames.coordinates, frames.positions_m)}
@@ -130,14 +130,14 @@ def leaves_a_settled_chain(subject: Subject) -> None:
 
 
 def drives_the_chain(subject: Subject) -> None:
-    """the task does something: it actuates or loads the chain."""
+    """the task actuates or loads the chain."""
     moved = float(np.abs(_result(subject).final.joint_angles).max())
     finding = "the joints stand at zero at the end: `apply` was not called, or not before `settle`"
     require(moved > 1e-4, finding)
 
 
 def metrics_carry_their_unit(subject: Subject) -> None:
-    """metrics are SI with the unit in the name (`tip_deflection_m`); a pure number says what it is (`…_ratio`)."""
+    """metrics are SI with the unit in the name (`tip_deflection_m`); a pure number names its kind (`…_ratio`)."""
     metrics = _result(subject).metrics
     require(len(metrics) > 0, "the task measures nothing")
     for leaf, number in _leaves("", metrics):
@@ -147,7 +147,7 @@ def metrics_carry_their_unit(subject: Subject) -> None:
 
 
 def measures_what_it_says(subject: Subject) -> None:
-    """`measures`, where it names any, names every number that `run` measures."""
+    """`measures`, unless empty, names every number that `run` measures."""
     stated = subject.build().measures()
     if not stated:
         raise CheckSkipped("the task does not say before what it measures")
@@ -163,9 +163,7 @@ def metrics_are_finite(subject: Subject) -> None:
         if isinstance(number, float | int | np.number):
             require(np.isfinite(number), f"metric '{leaf}' is {number}")
     final = result.final
-    if (
-        not final.at_rest
-    ):  # contact forces are not in the residual, nor are those that accelerate a chain in motion
+    if not final.at_rest:  # the residual excludes contact forces and those that accelerate a chain in motion
         moves = isinstance(subject.build(), SceneTask) or _ends_in_motion(subject)
         require(moves, f"the residual of the settled chain is {final.residual}")
         result = replace(result, final=replace(final, residual=0.0))
@@ -177,7 +175,7 @@ def is_deterministic(subject: Subject) -> None:
     first, again = _result(subject), _run(subject)
     finding = "markers (m) of a second run differ"
     agree(again.final.markers_m, first.final.markers_m, finding, atol=1e-12)
-    # Without wall times, the only numbers that may differ.
+    # Without wall times, which may differ.
     timeless = [{k: v for k, v in r.metrics.items() if not k.endswith("wall_s")} for r in (again, first)]
     texts = [json.dumps(encode(metrics, {})) for metrics in timeless]
     require(texts[0] == texts[1], f"metrics of a second run differ: {texts[0]} and {texts[1]}")
@@ -190,7 +188,7 @@ def runs_on_one_joint(subject: Subject) -> None:
 
 
 def passes_on_that_it_did_not_converge(subject: Subject) -> None:
-    """a chain that did not settle is not called settled: `final.converged` is the engine's."""
+    """a chain that did not settle is not reported as settled: `final.converged` is the engine's."""
     if isinstance(subject.build(), SceneTask):
         raise CheckSkipped("a task with contact does not settle")
     final = _run(subject, _NeverSettles).final
@@ -209,7 +207,7 @@ def history_is_consistent(subject: Subject) -> None:
 
 
 def _ends_in_motion(subject: Subject) -> bool:
-    """Whether the last that a task without contact asks of its engine is a step in time."""
+    """Return whether the last call of a task without contact is a step in time."""
     task: Task = subject.build()
     with _Noting(task.prepare(_chain(subject))) as simulation:
         task.run(simulation)
@@ -217,7 +215,7 @@ def _ends_in_motion(subject: Subject) -> bool:
 
 
 class _Noting(StandInSimulation):
-    """An engine that knows whether it was last asked to move or to settle."""
+    """An engine that records whether the last call was `step` or `settle`."""
 
     moves = False
 
@@ -231,7 +229,7 @@ class _Noting(StandInSimulation):
 
 
 class _NeverSettles(StandInSimulation):
-    """An engine that always stops early."""
+    """An engine that never converges."""
 
     def settle(self) -> Equilibrium:
         return replace(super().settle(), converged=False, residual=1e-3)

@@ -12,7 +12,7 @@ from pliant.testing.samples import sample_chain
 
 SIZE = (96, 64)
 BENDS_RAD = (0.0, 0.5, 0.0)
-LEAST_SEEN = 0.002  # of the pixels
+LEAST_SEEN = 0.002  # share of the pixels
 
 
 def _motion() -> Motion:
@@ -39,7 +39,7 @@ def gives_a_picture_per_frame(subject: Subject) -> None:
 
 
 def shows_the_motion(subject: Subject) -> None:
-    """the chain is seen, and its motion too."""
+    """the chain and its motion are visible."""
     straight, bent, *_ = _pictures(subject)
     require(np.ptp(straight.reshape(-1, 3), axis=0).any(), "a picture is of one colour: nothing is seen")
     moved = float(np.any(straight != bent, axis=2).mean())
@@ -47,7 +47,7 @@ def shows_the_motion(subject: Subject) -> None:
 
 
 def draws_a_pose_always_alike(subject: Subject) -> None:
-    """the same pose gives the same picture: the camera stands still."""
+    """the same pose gives the same picture: the camera does not move."""
     first, _, again = _pictures(subject)
     # Shading may round differently; a moved camera changes edges everywhere.
     apart = float(np.mean(np.abs(first.astype(int) - again.astype(int)) > 8))

@@ -31,7 +31,7 @@ class ActuationGainConfig(EffectConfig):
 
 
 class ActuationGain(Effect):
-    """Scales every actuation before it reaches the chain."""
+    """A factor on every actuation before it reaches the chain."""
 
     place = "input"
     notes = EffectNotes(
@@ -48,13 +48,13 @@ class ActuationGain(Effect):
     config: ActuationGainConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs."""
+        """Return the model with one more map of its inputs."""
         faded = self.config.fading / full_scale(model.chain)
         return model.with_input(partial(_scaled, self.config.gain, faded))
 
 
 def _scaled(gain: float, faded: float, history: History) -> History:
-    """`faded` is the share of the excess that is gone per unit of actuation."""
+    """Scale the input; `faded` is the share of the excess that is lost per unit of actuation."""
     if faded == 0.0:
         return history.with_actuation(**{name: gain * values for name, values in history.actuation.items()})
     return history.with_actuation(

@@ -14,7 +14,7 @@ READING = re.compile(r"((bend|tip|joint_\d+)_)?angle(_[yz])?_rad|joint_angles_ra
 
 
 def with_angles(readings: Readings, change: Callable[[Any], Any]) -> Readings:
-    """The readings with every angle changed; a number stays a number, a list a list, an array an array."""
+    """Return the readings with every angle changed; a number stays a number, a list a list, an array an array."""
 
     def changed(value: Any) -> Any:
         return [changed(item) for item in value] if isinstance(value, list | tuple) else change(value)
@@ -23,7 +23,7 @@ def with_angles(readings: Readings, change: Callable[[Any], Any]) -> Readings:
 
 
 def with_recorded_angles(readings: Readings, change: Callable[[Any], Any]) -> Readings:
-    """The readings with every angle changed that is an array over the samples of a run, (t,)."""
+    """Return the readings with every angle changed that is an array over the samples of a run, (t,)."""
     return {
         name: change(value)
         if READING.fullmatch(name) and isinstance(value, np.ndarray) and value.ndim == 1

@@ -4,9 +4,9 @@
 
 for every angle q that is recorded, in the order of the samples: a gear, a cable or a clutch with the clearance w on the
 way to the encoder or potentiometer (the play operator: Krasnosel'skii & Pokrovskii, Systems with Hysteresis, 1989;
-Visintin, Differential Models of Hysteresis, 1994, ch. III). It needs no clock. The sensor stands in the middle of
-its clearance when a run begins. Each reading has the play of one sensor, the sum along the chain too. The chain, its
-markers and its efforts stay as they are.
+Visintin, Differential Models of Hysteresis, 1994, ch. III). It needs no clock. A run begins with the sensor in the
+middle of its clearance. Each reading has the play of one sensor, and so has the sum along the chain. The chain, its
+markers and its efforts do not change.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class BacklashConfig(EffectConfig):
 
 
 class Backlash(Effect):
-    """Drags every recorded angle behind the joint's by half a clearance."""
+    """A play of half a clearance between the joint's angle and every recorded angle."""
 
     place = "output"
     notes = EffectNotes(
@@ -55,7 +55,7 @@ class Backlash(Effect):
     config: BacklashConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its readings; where no angle is recorded it changes nothing."""
+        """Return the model with one more map of its readings; where no angle is recorded it changes nothing."""
         half = self.config.play_rad / 2
         if half == 0.0:
             return model
@@ -68,12 +68,12 @@ class Backlash(Effect):
 
 
 def _played_by_parts(half: float, spread: float, angle: Array) -> Array:
-    """(t,) the mean of three plays of other widths: a reading that does not stand quite still after a reversal."""
+    """Return the (t,) mean of three plays of other widths: readings still move slightly after a reversal."""
     return np.asarray(np.mean([played(half * (1.0 + k * spread), angle) for k in (-1, 0, 1)], axis=0))
 
 
 def played(half: float, angle: Array) -> Array:
-    """(t,) the play operator of half the clearance."""
+    """Return the (t,) play operator of half the clearance."""
     from pliant_plugins.effects.recurrences import behind_play
 
     return np.asarray(behind_play(np.array(angle, float), half))

@@ -1,12 +1,12 @@
-"""A base that is mounted tilted.
+"""A tilted mount of the base.
 
     R' = T exp([θ_x, θ_y, 0]) R
 
 R is the base's nominal pose, T the turn of the bench in a run (`base_pitch_rad`… of a recording): the rotation vector
-[θ_x, θ_y, 0] stands between the two, in world axes, and turns with the bench. θ_y lies in the plane in which a chain
-with the default base bends, θ_x out of it; a turn about the vertical changes nothing that gravity sees. The base
-stays where it is. (Misalignment as a small rotation of the base frame: Mooring, Roth & Driels, Fundamentals of
-Manipulator Calibration, 1991.)
+[θ_x, θ_y, 0] is applied between the two, in world axes, and turns with the bench. θ_y tilts the base in the plane in
+which a chain with the default base bends, θ_x out of it; a turn about the vertical has no effect on gravity. The
+position of the base does not change. (Misalignment as a small rotation of the base frame: Mooring, Roth & Driels,
+Fundamentals of Manipulator Calibration, 1991.)
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class BaseMisalignmentConfig(EffectConfig):
 
 
 class BaseMisalignment(Effect):
-    """Tilts the base of the chain."""
+    """A tilt of the chain's base."""
 
     place = "chain"
     notes = EffectNotes(
@@ -52,6 +52,6 @@ class BaseMisalignment(Effect):
     config: BaseMisalignmentConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its chain's base turned."""
+        """Return the model with its chain's base turned."""
         tilt = exp_map(np.array([self.config.roll_rad, self.config.pitch_rad, 0.0]))
         return model.with_(chain=model.chain.with_(base_rotation=tilt @ model.chain.base_rotation))

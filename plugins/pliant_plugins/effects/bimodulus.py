@@ -32,7 +32,7 @@ class BimodulusConfig(EffectConfig):
 
 
 class Bimodulus(Effect):
-    """Scales the elastic part up on one side and down on the other."""
+    """A larger elastic part on one side and a smaller one on the other."""
 
     place = "law"
     notes = EffectNotes(
@@ -50,7 +50,7 @@ class Bimodulus(Effect):
     config: BimodulusConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more factor on the elastic part."""
+        """Return the model with one more factor on the elastic part."""
         return model.with_term(LawTerm("elastic", _factor, (self.config.asymmetry, self.config.width_rad)))
 
 

@@ -11,9 +11,9 @@ from pliant.records.history import History
 
 
 def at_times(history: History, time_s: Array) -> History:
-    """The run with the inputs, loads and turns of its base that it has at other times (t,); the ends hold on.
+    """Return the run with inputs, loads and base turns at other times (t,), constant beyond the ends.
 
-    What is a switch (a valve) and what is slow (a temperature) stays where it is: interpolation would make a valve
+    Switches (a valve) and slow quantities (a temperature) are not shifted: interpolation would make a valve
     half open.
     """
     assert history.time_s is not None
@@ -34,7 +34,7 @@ def at_times(history: History, time_s: Array) -> History:
 
 
 def still_or_untimed(histories: Sequence[History]) -> str:
-    """Why a wrong clock cannot show in these runs; empty where it can."""
+    """Return why a wrong clock has no effect in these runs; empty if it has one."""
     timed = [history for history in histories if history.time_s is not None]
     if not timed:
         return "no run has a clock"

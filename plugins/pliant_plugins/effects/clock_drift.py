@@ -3,7 +3,7 @@
     u'(t) = u(t₀ + (1 − r) (t − t₀))
 
 for every input and load u, by the clock of the readings, t₀ the first sample of the run: with r > 0 the inputs happen
-later and later than the recording says, by r seconds a second.
+increasingly later than recorded, by r seconds per second.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class ClockDriftConfig(EffectConfig):
 
 
 class ClockDrift(Effect):
-    """Stretches the clock of inputs and loads."""
+    """A stretched clock of inputs and loads."""
 
     place = "input"
     notes = EffectNotes(
@@ -47,11 +47,11 @@ class ClockDrift(Effect):
     config: ClockDriftConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:
-        """That no input moves by a clock."""
+        """Return a sentence if no input changes in a run with a clock; otherwise empty."""
         return still_or_untimed(histories)
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs."""
+        """Return the model with one more map of its inputs."""
         return model.with_input(partial(_stretched, self.config.rate))
 
 

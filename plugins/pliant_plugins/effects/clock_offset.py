@@ -2,7 +2,7 @@
 
     u'(t) = u(t − T)
 
-for every input and load u, by the clock of the readings: with T > 0 they happened later than the recording says, with
+for every input and load u, by the clock of the readings: with T > 0 they happened later than recorded, with
 T < 0 earlier, so that readings seem to move before their cause does. Ends of the record hold on.
 """
 
@@ -28,7 +28,7 @@ class ClockOffsetConfig(EffectConfig):
 
 
 class ClockOffset(Effect):
-    """Shifts inputs and loads in time."""
+    """A shift of inputs and loads in time."""
 
     place = "input"
     notes = EffectNotes(
@@ -47,11 +47,11 @@ class ClockOffset(Effect):
     config: ClockOffsetConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:
-        """That no input moves by a clock."""
+        """Return a sentence if no input changes in a run with a clock; otherwise empty."""
         return still_or_untimed(histories)
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs."""
+        """Return the model with one more map of its inputs."""
         return model.with_input(partial(_shifted, self.config.late_s))
 
 

@@ -2,10 +2,10 @@
 
     R_child = R_parent · rest · Rx(α) · exp(B q) · Rx(−α)
 
-per joint in place of R_parent · rest · exp(B q): its axes are turned by α about the chain axis, and behind the joint
-the body stands as before, so that turns do not add up along the chain and the chain at rest is the same. A chamber or
-a tendon that sits α beside its place bends a module so; of a ball joint the whole law turns. The angle of a joint is
-that about its turned axis.
+per joint in place of R_parent · rest · exp(B q): its axes are turned by α about the chain axis, and the body behind the
+joint keeps its orientation, so that turns do not accumulate along the chain and the chain at rest is unchanged. A
+chamber or a tendon that is displaced by the angle α about the chain axis has this effect. The whole law of a ball joint
+is turned. The angle of a joint is measured about its turned axis.
 
 Without gravity a chain of equal joints in one plane is turned as a whole: by α about the chain axis at its base.
 """
@@ -34,7 +34,7 @@ class CrossAxisConfig(EffectConfig):
 
 
 class CrossAxis(Effect):
-    """Turns the axes of every joint about the chain axis."""
+    """A turn of the axes of every joint about the chain axis."""
 
     place = "chain"
     notes = EffectNotes(
@@ -54,7 +54,7 @@ class CrossAxis(Effect):
     config: CrossAxisConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its joints' axes turned. Raises `ImpossibleEffectError` for a chain that does not bend."""
+        """Return model with its joints' axes turned. Raises `ImpossibleEffectError` for a chain that does not bend."""
         if model.chain.laws[0].joint == "prismatic":
             raise ImpossibleEffectError(
                 f"effect '{self.config.kind}' turns the axis about which modules bend, and this chain only extends"
@@ -66,7 +66,7 @@ class CrossAxis(Effect):
 
 
 def with_turned_axes(chain: ChainModel, turn: Array) -> ChainModel:
-    """The chain with every joint's axes turned by `turn` (3, 3), and the same at rest.
+    """Return the chain with every joint's axes turned by `turn` (3, 3), and the same at rest.
 
     Frames of bodies behind a joint are turned along, as a body has its joint's rest frame; what they carry is
     written in the turned frame, where it stays in place.

@@ -1,11 +1,11 @@
-"""Pressure that does nothing until it exceeds a threshold.
+"""Pressure without effect below a threshold.
 
     p' = sign(p) max(|p| − p₀, 0)
 
 for every pressure of the chain: a valve that sticks, a membrane or a fold that must open first (the dead zone of
 Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, with unit slopes). A corner
 of some width is the softplus w ln(1 + e^((|p| − p₀)/w)), less its value at zero.
-Tendon forces are left alone.
+Tendon forces are not changed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class DeadZoneConfig(EffectConfig):
 
 
 class DeadZone(Effect):
-    """Takes a threshold off every pressure before it reaches the chain."""
+    """A threshold that is subtracted from every pressure before it reaches the chain."""
 
     place = "input"
     notes = EffectNotes(
@@ -52,7 +52,7 @@ class DeadZone(Effect):
     config: DeadZoneConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
+        """Return the model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
         return model.with_input(
             partial(with_pressures, change=partial(_above, self.config.threshold_pa, self.config.rounding))

@@ -1,14 +1,14 @@
-"""Ends that are held round: of the first and the last module only a share bends, in series with what gives there.
+"""Restraint of end sections: only a share of the first and last module bends, in series with the mount's compliance.
 
     u = s v − c τ',      τ'(p, u) = τ(p, v)
 
 at the first joint of a chain with (s, c) of the base and at the last with those of the cap. A clamp or a glued cap
-keeps its section round, which the wall beside it has to leave in order to bend, and that dies out along the wall
-(end effects in tubes: Brazier, Proc. R. Soc. A 116, 1927; Whatham, J. Pressure Vessel Technol. 108, 1986). The share
-s of the module is left: it turns by s times the angle under the same moment. The compliance c is that of the mount:
-what a moment or a force at the end tilts beside the module; it is stated as c k₀, k₀ the stiffness at rest. Both are
-exact law changes (`ShortLaw`, `series_law.py`). Pieces and joints stay where they are. Full FEM of bending
-modules: s = 0.99 and c k₀ = 0.1 at the clamp, 0.64 and 1.9 at the cap (docs/chain_of_modules.md).
+keeps its section round, whereas the adjacent wall ovalises when it bends; the restraint decays along the wall (end
+effects in tubes: Brazier, Proc. R. Soc. A 116, 1927; Whatham, J. Pressure Vessel Technol. 108, 1986). The share s of
+the module remains flexible: it turns by s times the angle under the same moment. The compliance c is that of the mount:
+the tilt that a moment or a force at the end adds to that of the module; it is stated as c k₀, k₀ the stiffness at rest.
+Both are exact law changes (`ShortLaw`, `series_law.py`). Positions of pieces and joints do not change. Full FEM of
+bending modules: s = 0.99 and c k₀ = 0.1 at the clamp, 0.64 and 1.9 at the cap (docs/chain_of_modules.md).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Literal
 
 from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
-from pliant.mechanics.law_around import LawAround
+from pliant.mechanics.law_around import LawWrapper
 from pliant.records.chain import Joint
 from pliant.records.design import Array
 from pliant.records.law import Domain, Effort, JointLaw
@@ -29,7 +29,7 @@ from pliant_plugins.effects.series_law import SeriesLaw
 
 
 @dataclass(frozen=True, eq=False)
-class ShortLaw(LawAround):
+class ShortLaw(LawWrapper):
     """τ'(p, u) = τ(p, u/s), Π'(p, u) = s Π(p, u/s): the share s of a module bends as the whole of it would.
 
     Attributes:
@@ -44,25 +44,25 @@ class ShortLaw(LawAround):
         return Domain(self.law.domain.actuation, self.share * self.law.domain.deformation)
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """As the law's, shapes (n, a), (n, a), (n, a, a)."""
+        """Evaluate the shortened law; shapes (n, a), (n, a), (n, a, a)."""
         effort = self.law.evaluate(actuation, deformation / self.share)
         return Effort(effort.tau, effort.dtau_dp, effort.dtau_du / self.share)
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π' (n,) in J."""
+        """Return Π' (n,) in J."""
         return self.share * self.law.potential(actuation, deformation / self.share)
 
     def band(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array | None:
-        """The law's band at u/s."""
+        """Return the law's band at u/s."""
         return self.law.band(actuation, deformation / self.share, level)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
-        """The law's draws, shortened."""
+        """Return the law's draws, shortened."""
         return tuple(ShortLaw(law, self.share) for law in self.law.draws(count, seed))
 
-    def behind(self) -> tuple[JointLaw, float, float]:
-        """See `JointLaw.behind`."""
-        law, stretch, give = self.law.behind()
+    def unwrap(self) -> tuple[JointLaw, float, float]:
+        """See `JointLaw.unwrap`."""
+        law, stretch, give = self.law.unwrap()
         return law, stretch / self.share, give
 
 
@@ -81,7 +81,7 @@ class EndRestraintConfig(EffectConfig):
 
 
 class EndRestraint(Effect):
-    """Shortens what bends at both ends of the chain, and puts springs there."""
+    """A shorter flexible length and a spring at both ends of the chain."""
 
     place = "law"
     notes = EffectNotes(
@@ -99,7 +99,7 @@ class EndRestraint(Effect):
     config: EndRestraintConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its end joints shortened. Raises `ImpossibleEffectError` for a chain of one joint."""
+        """Return the model with its end joints shortened. Raises `ImpossibleEffectError` for a chain of one joint."""
         chain = model.chain
         if chain.n_joints < 2:
             raise ImpossibleEffectError(
@@ -120,10 +120,10 @@ def _restrained(
     joints: tuple[Joint, ...],
     ends: tuple[tuple[float, float], tuple[float, float]],
 ) -> tuple[tuple[JointLaw, ...], tuple[Joint, ...]]:
-    """Laws with those of the ends behind them, and the joints that have them.
+    """Append the laws of the two ends and assign them to their joints; return laws and joints.
 
-    `ends` holds share and compliance of the base's end and of the cap's.
-    The same objects for the same input: engines tabulate a law once for each object.
+    `ends` are share and compliance of the base's end and of the cap's. Equal input gives the same objects, because
+    engines tabulate a law once per object.
     """
     wanted = list(joints)
     for at, (share, compliance) in zip((0, -1), ends, strict=True):

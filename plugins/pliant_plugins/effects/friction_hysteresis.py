@@ -52,7 +52,7 @@ class FrictionHysteresisConfig(EffectConfig):
 
 
 class FrictionHysteresis(Effect):
-    """Adds an elastoplastic element to every joint."""
+    """An elastoplastic element in every joint."""
 
     place = "law"
     notes = EffectNotes(
@@ -71,7 +71,7 @@ class FrictionHysteresis(Effect):
     config: FrictionHysteresisConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with friction in every joint. Raises `UserError` for a law that is not stiff at rest."""
+        """Return the model with friction in every joint. Raises `UserError` for a law that is not stiff at rest."""
         slip_moment = self.config.half_width_rad * rest_stiffness(model.chain)
         config = self.config
         parameters = (slip_moment, config.break_away_rad, config.spread, config.rate_power)

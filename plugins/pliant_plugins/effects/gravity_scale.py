@@ -3,9 +3,9 @@
     g' = f g,      c_i' = c_i + a L n
 
 for the pieces of the chain and its payload: masses are known worse than gravity (fittings, hoses, a density from a
-data sheet), and in statics a mass and gravity enter only as their product, the weight. What was forgotten seldom lies
-on the axis: the centres of mass c_i of all pieces move by the share a of the chain's length L along n, across the
-chain in the plane in which it bends.
+data sheet), and in statics a mass and gravity enter only as their product, the weight. Omitted masses are seldom on the
+axis: the centres of mass c_i of all pieces move by the share a of the chain's length L along n, across the chain in the
+plane in which it bends.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class GravityScaleConfig(EffectConfig):
 
 
 class GravityScale(Effect):
-    """Scales the gravity of the chain."""
+    """A factor on the gravity of the chain."""
 
     place = "chain"
     notes = EffectNotes(
@@ -51,7 +51,7 @@ class GravityScale(Effect):
     config: GravityScaleConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its chain's gravity scaled and its centres of mass moved."""
+        """Return the model with its chain's gravity scaled and its centres of mass moved."""
         chain = model.chain.with_(gravity_m_s2=self.config.factor * model.chain.gravity_m_s2)
         if self.config.aside:
             move = np.zeros(3)

@@ -2,12 +2,13 @@
 
     M_i = −f J_i (d²u_i/dt² + 2 ζ ω du_i/dt)
 
-per joint: what a model of equilibria leaves out (d'Alembert), with the damping that ends every swing, in proportion to
-mass (Rayleigh's). A law term knows its own joint only, so the chain's mass matrix M at rest, payload included, becomes
-a diagonal one that has the same lowest swing ω: there M φ = K φ / ω² (Craig & Kurdila, Fundamentals of Structural
-Dynamics, 2006), hence J_i = k_i / ω² with the stiffnesses at rest k_i. For one joint that is its moment of inertia. A
-chain has no swing but the lowest: after a step of pressure it makes a third to three quarters of what the masses do
-to the whole angle (RMS, two to eight modules, with and without payload). Payloads of a recording count as weight only.
+per joint: the inertia forces that a model of equilibria omits (d'Alembert), with the damping of free swings, in
+proportion to mass (Rayleigh's). A law term depends on its own joint only, so the chain's mass matrix M at rest, payload
+included, becomes a diagonal one that has the same lowest swing ω: there M φ = K φ / ω² (Craig & Kurdila, Fundamentals
+of Structural Dynamics, 2006), hence J_i = k_i / ω² with the stiffnesses at rest k_i. For one joint that is its moment
+of inertia. A chain has no swing but the lowest: after a step of pressure it makes a third to three quarters of what the
+masses do to the whole angle (RMS, two to eight modules, with and without payload). With the payload m of a run,
+1/ω² is taken as linear in m, which is exact for one joint and else for a swing whose shape does not change.
 
 Newmark's rule (J. Eng. Mech. Div. ASCE 85, 1959) with velocity v and acceleration a as memory; over a step Δt
 
@@ -57,7 +58,7 @@ class InertiaConfig(EffectConfig):
 
 
 class Inertia(Effect):
-    """Adds each joint's share of the chain's inertia."""
+    """The chain's inertia, divided among the joints."""
 
     place = "law"
     notes = EffectNotes(
@@ -76,23 +77,27 @@ class Inertia(Effect):
     config: InertiaConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its masses accelerated; see `lumped_inertia` for errors."""
-        config, inertia, stiffness = self.config, lumped_inertia(model.chain), joint_stiffnesses(model.chain)
-        rows = tuple((j, math.sqrt(k / j)) for j, k in zip(inertia, stiffness.tolist(), strict=True))
+        """Return the model with its masses accelerated; see `lumped_inertia` for errors."""
+        config, chain = self.config, model.chain
+        inertia, stiffness = lumped_inertia(chain), joint_stiffnesses(chain).tolist()
+        more = chain.payload_kg + sum(body.mass_kg for body in chain.bodies)
+        heavier = chain.with_(payload_kg=chain.payload_kg + more)
+        gains = [(j - i) / more for i, j in zip(inertia, lumped_inertia(heavier), strict=True)]
         term = LawTerm(
             "moment",
             _moment,
             (config.scale, config.damping_ratio),
             n_states=2,
             needs_time=True,
-            per_joint=rows,
+            per_joint=tuple(zip(inertia, stiffness, strict=True)),
+            per_payload_kg=tuple((gain, 0.0) for gain in gains),
             is_inertia=True,
         )
         return model.with_term(term)
 
 
 def lumped_inertia(chain: ChainModel) -> tuple[float, ...]:
-    """J_i about each joint's main axis in kg·m² (kg on slides): see above.
+    """Return J_i about each joint's main axis in kg·m² (kg on slides): see above.
 
     Raises:
         UserError: the chain has no mass beyond its base, or a law that is not stiff at rest.
@@ -115,7 +120,7 @@ def lumped_inertia(chain: ChainModel) -> tuple[float, ...]:
 def _moment(
     angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
-    # Memory: velocity and acceleration. Numbers: f, ζ, J, ω. In no time nothing moves.
+    # Memory: velocity and acceleration. Numbers: f, ζ, J, k. Nothing moves in a step of zero duration.
     if math.isinf(dt_s):
         new[0] = 0.0
         new[1] = 0.0
@@ -123,9 +128,9 @@ def _moment(
         new[0] = old[0]
         new[1] = old[1]
     else:
-        swing = c[3] * dt_s / math.sqrt(c[0]) if c[0] > 0.0 else UNSEEN
+        swing = dt_s * math.sqrt(c[3] / (c[0] * c[2])) if c[0] > 0.0 else UNSEEN
         gamma = 0.5 + min(max((swing - RESOLVED) / (UNSEEN - RESOLVED), 0.0), 1.0)
         beta = 0.25 * (gamma + 0.5) * (gamma + 0.5)
         new[1] = (rate - old[0]) / (beta * dt_s) - (0.5 / beta - 1.0) * old[1]
         new[0] = old[0] + dt_s * ((1.0 - gamma) * old[1] + gamma * new[1])
-    return -c[0] * c[2] * (new[1] + 2.0 * c[1] * c[3] * new[0])
+    return -c[0] * (c[2] * new[1] + 2.0 * c[1] * math.sqrt(c[2] * c[3]) * new[0])

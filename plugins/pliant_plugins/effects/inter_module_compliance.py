@@ -1,15 +1,15 @@
-"""Connections between modules that give.
+"""Compliant connections between modules.
 
     τ'(p, q) = τ(p, q + (n/2) c τ'),      c = κ / k₀
 
 per joint: each interface between two modules is a spring that turns by c per moment, in series with the joints on both
 sides. Half of it belongs to each neighbour, so that a joint has n = 1 half at the ends of the chain and n = 2
 between (series springs; the lumping of a joint's own flexibility of Spong, J. Dyn. Sys. Meas. Control 109, 1987). κ is
-what an interface turns for each radian that a joint turns at rest. The law change is exact: `series_law.py`.
+the angle of an interface per radian of a joint at rest. The law change is exact: `series_law.py`.
 
-Each of m actuators in parallel has an interface of its own, m times as soft; together they are the spring where laws
-are linear. An interface turns as much about every axis of a ball joint. Law terms of other effects act on the joint
-with its interfaces.
+Each of m actuators in parallel has its own interface, m times as soft; for linear laws they together equal the spring.
+An interface has the same compliance about every axis of a ball joint. Law terms of other effects act on the joint with
+its interfaces.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class InterModuleComplianceConfig(EffectConfig):
 
 
 class InterModuleCompliance(Effect):
-    """Puts the springs of the connections in series with the joints beside them."""
+    """Springs of the connections in series with the adjacent joints."""
 
     place = "law"
     notes = EffectNotes(
@@ -57,7 +57,7 @@ class InterModuleCompliance(Effect):
     config: InterModuleComplianceConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with other laws in its joints.
+        """Return the model with other laws in its joints.
 
         Raises:
             UserError: a chain of one module, or of modules that do not bend, or a law that is not stiff at rest.
@@ -86,7 +86,7 @@ class InterModuleCompliance(Effect):
 def _connected(
     laws: tuple[JointLaw, ...], joints: tuple[Joint, ...], compliance: float
 ) -> tuple[tuple[JointLaw, ...], tuple[Joint, ...]]:
-    """Laws behind their halves of the connections, and joints that have them.
+    """Return laws behind their halves of the connections, and joints that have them.
 
     The same objects for the same input: engines tabulate a law once for each object.
     """

@@ -1,4 +1,4 @@
-"""A first-order lag at the samples of a run, shared by what arrives late and what is read late.
+"""A first-order lag at the samples of a run, shared by the effects of late inputs and late readings.
 
     T y' + y = u,      T = T_r while y ≤ u, T_f while y > u
 
@@ -7,9 +7,9 @@ d = y − u, which is zero at the start,
 
     d(t + h) = e^(−h/T) d(t) − (1 − e^(−h/T)) T/h Δu
 
-Where y meets u within a step, at T ln(1 + d h / (T Δu)), the other time rules from there, with d = 0: also exact. It
-happens at most once in a step, for d then has the sign of −Δu. Where nothing flows, as behind a closed valve, y
-stands still.
+Where y meets u within a step, at T ln(1 + d h / (T Δu)), the other time constant applies from there, with d = 0: also
+exact. It happens at most once in a step, since d then has the sign of −Δu. Without flow, as behind a closed valve, y is
+constant.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ def lagged(
     flows: NDArray[np.bool_] | None = None,
     falling_s: float | None = None,
 ) -> Array:
-    """(t,) what has arrived of `values` (t,) at `time_s` (t,) through a lag of `constant_s` > 0, from balance.
+    """Return (t,) the response at `time_s` (t,) to `values` (t,) through a lag of `constant_s` > 0, from balance.
 
     `falling_s` > 0 is the time constant while what has arrived is above the values, by default the same. `flows`
-    (t − 1,) says in which steps anything does; by default in all.
+    (t − 1,) marks steps with flow; by default all.
     """
     from pliant_plugins.effects.recurrences import lagging
 
     falling_s = constant_s if falling_s is None else falling_s
-    late: Array = values + lagging(*steps_of(values, time_s, flows), constant_s, falling_s)
+    late: Array = values + lagging(*step_changes(values, time_s, flows), constant_s, falling_s)
     return late
 
 
-def steps_of(
+def step_changes(
     values: Array, time_s: Array, flows: NDArray[np.bool_] | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """(t − 1,) what changes in each step, how long it takes, s, and whether anything flows."""
+    """Return (t − 1,) change and duration (s) of each step, and whether anything flows."""
     return np.diff(values), np.diff(time_s), np.ones(len(values) - 1, bool) if flows is None else flows

@@ -1,17 +1,17 @@
-"""Chambers that lose gas: a held pressure sags, and a closed-off one dies away.
+"""Leaking chambers: a regulated pressure is lower than commanded, and the pressure of a closed chamber decays.
 
     dd/dt = λ (p_c − d) − v d / T_s,      p = p_c − d
 
 for every pressure of the chain: the mass balance of a chamber behind a linear resistance (a hose with the filling time
-T_s) with a second one to the outside (Beater, Pneumatic Drives, 2007, ch. 3, at small pressures). p_c is what the
-chamber has without a leak, d what it lacks. With the valve open (v = 1) the regulator refills: d settles with
-T_s / (1 + λ T_s) at the share λ T_s / (1 + λ T_s) of p_c. Closed off (`History.valve_open` 0, v = 0) p_c stands still
-and dp/dt = −λ p. Between samples p_c is a straight line of slope s, for which, with r = λ + v / T_s, a step h is exact:
+T_s) with a second one to the outside (Beater, Pneumatic Drives, 2007, ch. 3, at small pressures). p_c is the pressure
+without a leak, d the deficit. With the valve open (v = 1) the regulator refills: d settles with T_s / (1 + λ T_s) at
+the share λ T_s / (1 + λ T_s) of p_c. Closed off (`History.valve_open` 0, v = 0) p_c is constant and dp/dt = −λ p.
+Between samples p_c is a straight line of slope s, for which, with r = λ + v / T_s, a step h is exact:
 
     d(t + h) = d*(t + h) + (d(t) − d*(t)) e^(−r h),      d* = λ/r (p_c − s/r)
 
-A run starts in balance with the valve open. Without times open states are in balance too, and closed ones, of which
-nobody knows how long they last, keep what they had. Tendon forces are left alone.
+A run starts in balance with the valve open. Without times, open states are in balance too; closed states, whose
+duration is unknown, keep their pressure. Tendon forces are not changed.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ class LeakConfig(EffectConfig):
     """Rate λ of the leak and time constant T_s of the supply that refills it."""
 
     kind: Literal["leak"] = "leak"
+    bare_keys = ("rate_1_s",)
     rate_1_s: float = parameter(
         unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1), example=0.03
     )
@@ -46,7 +47,7 @@ class LeakConfig(EffectConfig):
 
 
 class Leak(Effect):
-    """Lets gas out of every chamber."""
+    """A leak of every chamber."""
 
     place = "input"
     notes = EffectNotes(
@@ -64,13 +65,13 @@ class Leak(Effect):
     config: LeakConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
+        """Return the model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
         return model.with_input(partial(_leaking, self.config, full_scale(model.chain)))
 
 
 def _leaking(config: LeakConfig, full: float, history: History) -> History:
-    """`full`: the pressure at which the rate is the stated one, whatever the power."""
+    """Apply the leak; `full` is the pressure at which the rate is the stated one, whatever the power."""
     rate, filling_time = config.rate_1_s, config.filling_time_s
     if rate == 0.0:
         return history
@@ -86,7 +87,7 @@ def _leaking(config: LeakConfig, full: float, history: History) -> History:
 
 
 def _lacking(pressure: Array, valve: Array, steps: Array, config: LeakConfig, full: float) -> Array:
-    """d at the samples."""
+    """Return d at the samples."""
     from pliant_plugins.effects.recurrences import lacking
 
     series = (np.ascontiguousarray(values, float) for values in (pressure, valve, steps))

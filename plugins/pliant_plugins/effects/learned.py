@@ -1,19 +1,19 @@
-"""What no listed effect explains, as a curve: learned from runs, smooth, bounded, and nothing outside its data.
+"""A learned curve for the error that no listed effect explains: smooth, bounded, and zero outside its data.
 
     f(x) = w(x) Σ_k v_k φ_k(x)
 
-over one or two covariates x of what a joint knows: values v_k at even knots, cubic between (Keys, IEEE Trans. Acoust.
+over one or two covariates x of a joint: values v_k at even knots, cubic between (Keys, IEEE Trans. Acoust.
 29, 1981), with a window w that falls to 0 beyond the range that the data have (`pliant.mechanics.learned_curve`). It is
 added to every input (Pa, N), to every joint's effort (`moment`, N·m) or to every angle that is read (rad), or is the
 share by which the elastic or the actuation part of the law is larger. It is a model discrepancy in the sense of Kennedy
-& O'Hagan (J. R. Stat. Soc. B 63, 2001): a description and no cause. `pliant improve --learned` fits it; its numbers
-are plain data, and taking the entry out takes it away.
+& O'Hagan (J. R. Stat. Soc. B 63, 2001): it describes the error without naming a cause. `pliant improve --learned` fits
+it; its numbers are plain data, and removing the entry removes the effect.
 
 Covariates, SI: `angle` and its `rate` r as r/(|r| + scale); `actuation`; `temperature` in °C; `time` in the run;
 `travel`, the cycles up to `scale` and back that were done; `actuation_rate` as `rate`; `actuation_direction`
 and `angle_direction`, from −1 to 1 within twice `scale` of motion (a stop); `actuation_change` and `angle_change`, x
-less x behind a first-order lag of the time `scale`; `largest_angle` so far. `travel` and `largest_angle` go on from
-run to run of one specimen. An `input` knows nothing of angles, a `reading` nothing of temperature and travel.
+less x behind a first-order lag of the time `scale`; `largest_angle` so far. `travel` and `largest_angle` continue from
+run to run of one specimen. An `input` has no covariates of angles, a `reading` none of temperature and travel.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from pliant_plugins.effects.angles import with_recorded_angles
 
 ActsOn = Literal["input", "moment", "elastic", "actuation", "reading"]
 Values = tuple[float, ...] | tuple[tuple[float, ...], ...]
-# What each place knows: an input nothing of the chain, a reading nothing of the temperature.
+# Covariates of each place: an input has none of the chain, a reading none of the temperature.
 KNOWN: dict[str, tuple[str, ...]] = {
     "input": (
         "actuation",
@@ -61,7 +61,7 @@ MOST_KNOTS = 64
 
 
 class CovariateConfig(FrozenModel):
-    """One covariate of the curve, and the range of it in which the curve was seen."""
+    """One covariate of the curve, and its range in the training data."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
@@ -119,7 +119,7 @@ class LearnedConfig(EffectConfig):
         return self
 
     def axes(self) -> tuple[CurveAxis, ...]:
-        """The covariates with their knots."""
+        """Return the covariates with their knots."""
         shape = np.shape(self.value) if self.covariates else ()
         return tuple(
             CurveAxis(c.name, c.low, c.high, n, c.scale) for c, n in zip(self.covariates, shape, strict=True)
@@ -127,12 +127,12 @@ class LearnedConfig(EffectConfig):
 
 
 def _is_even(values: Values) -> bool:
-    """All rows are as long."""
+    """Check whether all rows have the same length."""
     return len({len(row) if isinstance(row, tuple) else -1 for row in values}) == 1
 
 
 class Learned(Effect):
-    """Adds a curve that was learned from runs."""
+    """A curve that was learned from runs."""
 
     place = "law"  # of a curve that acts on a law: others act where `acts_on` says
     fitted = False
@@ -147,7 +147,7 @@ class Learned(Effect):
     config: LearnedConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with the curve where `acts_on` says."""
+        """Return the model with the curve at the place that `acts_on` names."""
         c, axes = self.config, self.config.axes()
         if not axes:
             return model
@@ -170,23 +170,23 @@ class Learned(Effect):
 
 
 def _pushed(names: tuple[str, ...], axes: tuple[CurveAxis, ...], values: Array, history: History) -> History:
-    """The history with the curve added to these inputs."""
+    """Return the history with the curve added to these inputs."""
     present = [name for name in dict.fromkeys(names) if name in history.actuation]
     return history.with_actuation(
-        **{name: history.actuation[name] + _of_input(history, name, axes) @ values for name in present}
+        **{name: history.actuation[name] + _input_weights(history, name, axes) @ values for name in present}
     )
 
 
 @lru_cache(maxsize=256)
-def _of_input(history: History, name: str, axes: tuple[CurveAxis, ...]) -> Array:
-    """(t, K) weights of the values on one input; the history is the same object while a fit varies the values."""
+def _input_weights(history: History, name: str, axes: tuple[CurveAxis, ...]) -> Array:
+    """Return (t, K) weights of the values on one input; cached by history, which a fit does not change."""
     level = history.actuation[name]
     run = Signals(np.zeros(len(history)), level, history.temperature_c, history.time_s)
     return basis(axes, [series(axis, run) for axis in axes])
 
 
 def _read(axes: tuple[CurveAxis, ...], values: Array, readings: Readings) -> Readings:
-    """The readings with the curve added to every angle that is recorded; others lack what it depends on."""
+    """Return the readings with the curve added to every recorded angle; others lack its covariates."""
     time_s, pushed = readings.get("time_s"), readings.get("actuation")
     needs = {axis.name for axis in axes}
     timed = isinstance(time_s, np.ndarray) and time_s.ndim == 1

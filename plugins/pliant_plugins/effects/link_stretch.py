@@ -1,13 +1,13 @@
-"""Pieces that pressure lengthens: the pressure on the end cap stretches the whole chain.
+"""Elongation by pressure: the pressure on the end cap stretches the whole chain.
 
     x' = x₀ + (1 + ε) (x − x₀),      ε = c Σ p
 
 for every position that is read, with x₀ the base and Σ p the pressures of all chambers. A tube under inner pressure
 carries p A at its cap as an axial force in its wall (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells,
-1959, ch. 15), and what the joint's law does not take up as bending stretches it. All pieces stretch alike and joints
-keep their angles, so that scaling positions about the base is exact. Moments keep the arms of the chain at rest, which
-is wrong by the share ε of them, and the shape that an engine draws keeps its length. c is stated per MPa; the plate of
-a bending module of 249 kPa has 0.83, and c also holds by how much straight pieces between hinges are too short.
+1959, ch. 15), and the part that the joint's law does not convert into bending stretches it. All pieces stretch equally
+and joints keep their angles, so that scaling positions about the base is exact. Moments keep the arms of the chain at
+rest, which is wrong by the share ε of them, and the shape that an engine draws keeps its length. c is stated per MPa;
+the plate of a bending module of 249 kPa has 0.83, and c also contains the shortfall of straight pieces between hinges.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class LinkStretchConfig(EffectConfig):
 
 
 class LinkStretch(Effect):
-    """Moves positions away from the base in proportion to the pressure."""
+    """A stretch of positions from the base in proportion to the pressure."""
 
     place = "output"
     notes = EffectNotes(
@@ -54,7 +54,7 @@ class LinkStretch(Effect):
     config: LinkStretchConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its readings; angles and chain stay. Raises `UserError` without a pressure."""
+        """Return model with one more map of its readings, angles unchanged. Raises `UserError` without a pressure."""
         needs_pressure(self.config.kind, model.chain)
         if model.chain.mount is not None:
             raise UserError(
@@ -65,7 +65,7 @@ class LinkStretch(Effect):
 
 
 def _stretched(strain_per_pa: float, base: Array, readings: Readings) -> Readings:
-    """Positions farther from the base; unchanged where readings do not say under which pressure they were made."""
+    """Return positions farther from the base; unchanged if readings do not state their pressure."""
     if "actuation" not in readings:
         return readings
     factor = 1.0 + strain_per_pa * readings["actuation"]

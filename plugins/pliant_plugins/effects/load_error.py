@@ -26,7 +26,7 @@ class LoadErrorConfig(EffectConfig):
 
 
 class LoadError(Effect):
-    """Scales the moment and the force at the tip of every run."""
+    """A factor on the moment and the force at the tip of every run."""
 
     place = "input"
     notes = EffectNotes(
@@ -43,12 +43,12 @@ class LoadError(Effect):
     config: LoadErrorConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:
-        """That no run has a load at the tip."""
+        """Return a sentence if no run has a load at the tip; otherwise empty."""
         loaded = any(history.moment_n_m.any() or history.tip_force_n.any() for history in histories)
         return "" if loaded else "no run has a moment or a force at the tip"
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs."""
+        """Return the model with one more map of its inputs."""
         return model.with_input(partial(_scaled, self.config.factor))
 
 

@@ -1,12 +1,12 @@
-"""Rubber that is softer below the largest strain it has seen.
+"""Softening of rubber below its largest previous strain.
 
     E'(u) = (1 − d erf((W_m − W) / m)) E(u),      W = u²/2,  W_m = largest W so far,  m = s²/2
 
 per joint: the pseudo-elastic softening of Ogden & Roxburgh (Proc. R. Soc. Lond. A 455, 1999,
-doi 10.1098/rspa.1999.0431, with r = 1/d), the joint's u²/2 standing for the strain energy. On the virgin
-curve, W = W_m, nothing is lost; below it the elastic part has lost at most the share d, and s says how far below
-the largest angle that takes. Other rubbers lose it
-sooner or later: erf(((W_m − W)/m)^n). Rest does not heal it: the memory goes on from run to run of one specimen.
+doi 10.1098/rspa.1999.0431, with r = 1/d), with the joint's u²/2 in place of the strain energy. On the virgin curve, W =
+W_m, there is no softening; below it the elastic part is reduced by at most the share d, and s is the angle below the
+largest one over which this develops. Other rubbers soften over a shorter or longer range: erf(((W_m − W)/m)^n). Rest
+does not restore the stiffness: the memory continues from run to run of one specimen.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class MullinsConfig(EffectConfig):
 
 
 class Mullins(Effect):
-    """Softens the elastic part below the largest past angle."""
+    """A softer elastic part below the largest past angle."""
 
     place = "law"
     notes = EffectNotes(
@@ -64,7 +64,7 @@ class Mullins(Effect):
     config: MullinsConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more factor on the elastic part."""
+        """Return the model with one more factor on the elastic part."""
         parameters = (self.config.softening, self.config.scale_rad, self.config.power)
         term = LawTerm("elastic", _factor, parameters, n_states=1, keeps=True, needs_time=True)
         return model.with_term(term)

@@ -3,8 +3,9 @@
     m' = m + (f − 1) m (m₀/m)^c
 
 for every stated payload m > 0, with c = 0 the same factor f on all of them: scales that read wrong, an ounce taken
-for a gram. With c = 1 it is the same mass (f − 1) m₀ wherever something hangs: a hook, a holder, a cable. m₀ is the
-chain's own payload, or 10 g for a chain without one. Runs without a payload stay without.
+for a gram. With c = 1 it is the same mass (f − 1) m₀ wherever something hangs: a hook, a holder, a cable. With c < 0
+the largest payload is off most: a label of the heaviest weight. m₀ is the chain's own payload, or 10 g for a chain
+without one. Runs without a payload stay without.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ class PayloadErrorConfig(EffectConfig):
     kind: Literal["payload_error"] = "payload_error"
     factor: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.6, 1.7), example=1.2)
     """true payload / stated one, at the reference payload"""
-    constant: float = parameter(unit="1", neutral=0.0, bounds=(-0.5, 1.0), plausible=(-0.2, 1.0), role="form")
-    """0: the same factor on every payload, 1: the same mass added to every payload"""
+    constant: float = parameter(unit="1", neutral=0.0, bounds=(-3.0, 1.0), plausible=(-1.0, 1.0), role="form")
+    """0: the same factor on every payload, 1: the same mass added to every payload, below 0: most on the largest"""
 
 
 class PayloadError(Effect):
-    """Corrects the payload of every run that states one."""
+    """A correction of the payload of every run that states one."""
 
     place = "input"
     notes = EffectNotes(
@@ -53,14 +54,14 @@ class PayloadError(Effect):
     config: PayloadErrorConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:
-        """That nothing hangs at the tip in any run, or that it weighs nothing."""
+        """Return a sentence if no run has a payload or the study has no gravity; otherwise empty."""
         if not np.any(chain.gravity_m_s2):
             return "the study has no gravity, so that a payload weighs nothing"
         stated = (_stated(history, chain.payload_kg) for history in histories)
         return "" if any(map(np.any, stated)) else "no run states a payload, and the chain has none"
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs."""
+        """Return the model with one more map of its inputs."""
         return model.with_input(partial(_corrected, self.config, model.chain.payload_kg))
 
 

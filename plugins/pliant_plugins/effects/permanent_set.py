@@ -1,11 +1,11 @@
-"""A joint that does not come back: its unloaded angle follows the largest past angle.
+"""Permanent set of a joint: its unloaded angle follows the largest past angle.
 
     E'(u) = E(u − u₀),      u₀ = s (u₊ + u₋)
 
 per joint, with u₊ ≥ 0 and u₋ ≤ 0 the largest angles so far on either side: residual strain in proportion to the
-largest strain, as cyclic tests of filled rubbers and silicones show it (Dorfmann & Ogden, Int. J. Solids Struct.
+largest strain, as observed in cyclic tests of filled rubbers and silicones (Dorfmann & Ogden, Int. J. Solids Struct.
 41, 2004, doi 10.1016/j.ijsolstr.2003.11.014; here to first order, the share s). A first loading is therefore
-softer by that share too. Rest does not heal the set: the memory goes on from run to run of one specimen.
+softer by that share too. Rest does not reverse the set: the memory continues from run to run of one specimen.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class PermanentSetConfig(EffectConfig):
 
 
 class PermanentSet(Effect):
-    """Moves the rest angle of every joint toward its largest past angle."""
+    """A shift of every joint's rest angle toward its largest past angle."""
 
     place = "law"
     notes = EffectNotes(
@@ -49,7 +49,7 @@ class PermanentSet(Effect):
     config: PermanentSetConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with a rest angle that moves."""
+        """Return the model with a rest angle that moves."""
         term = LawTerm(
             "rest", _rest, (self.config.share, self.config.power), n_states=2, keeps=True, needs_time=True
         )

@@ -3,7 +3,7 @@
     p' = p + p₀
 
 for every pressure of the chain: the zero error of a gauge or regulator (the offset of a linear transducer
-model). Tendon forces are left alone.
+model). Tendon forces are not changed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class PressureOffsetConfig(EffectConfig):
 
 
 class PressureOffset(Effect):
-    """Adds a constant to every pressure before it reaches the chain."""
+    """A constant added to every pressure before it reaches the chain."""
 
     place = "input"
     notes = EffectNotes(
@@ -49,7 +49,7 @@ class PressureOffset(Effect):
     config: PressureOffsetConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
+        """Return the model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
         needs_pressure(self.config.kind, model.chain)
         faded = self.config.fading / full_scale(model.chain)
         shift = partial(_shifted, self.config.offset_pa, faded)
@@ -57,5 +57,5 @@ class PressureOffset(Effect):
 
 
 def _shifted(offset: float, faded: float, pressure: Array) -> Array:
-    """`faded` is the share of the offset that is gone per Pa."""
+    """Shift the pressures; `faded` is the share of the offset that is lost per Pa."""
     return pressure + offset * (1.0 - faded * np.abs(pressure))

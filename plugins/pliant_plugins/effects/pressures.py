@@ -20,7 +20,7 @@ def needs_pressure(kind: str, chain: ChainModel) -> None:
 
 
 def with_pressures(history: History, change: Callable[[Array], Array]) -> History:
-    """The history with every pressure changed; tendon forces are left alone."""
+    """Return the history with every pressure changed; tendon forces are not changed."""
     return history.with_actuation(
         **{name: change(values) for name, values in history.actuation.items() if PRESSURE.fullmatch(name)}
     )

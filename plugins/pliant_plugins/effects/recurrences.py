@@ -1,4 +1,4 @@
-"""Recurrences over the samples of a run, compiled: what a step leaves depends on what the last one left.
+"""Compiled recurrences over the samples of a run: the state after a step depends on that after the last one.
 
 Import it where it is called: numba takes half a second to import.
 """
@@ -16,7 +16,7 @@ SMALL_SHARE = 1e-3
 
 @njit(cache=True, error_model="numpy")
 def lagging(change, steps, flows, rising_s, falling_s):  # type: ignore[no-untyped-def]
-    """d (t,) of one stage at every sample, from 0; of each step (t − 1,) inputs change, and whether anything flows."""
+    """Return d (t,) of one stage from 0, given each step's (t − 1,) change of input and whether anything flows."""
     found = np.zeros(len(change) + 1)
     for k in range(len(change)):
         d = found[k]
@@ -26,7 +26,7 @@ def lagging(change, steps, flows, rising_s, falling_s):  # type: ignore[no-untyp
 
 @njit(cache=True, error_model="numpy")
 def lagging_twice(change, steps, flows, rising_s, falling_s, second_s):  # type: ignore[no-untyped-def]
-    """w (t,) behind two stages at every sample, from 0; steps in which the first one's time changes are two pieces."""
+    """Return w (t,) after two stages from 0; steps in which the first one's time changes are two pieces."""
     found = np.zeros(len(change) + 1)
     d = w = 0.0
     for k in range(len(change)):
@@ -48,7 +48,7 @@ def lagging_twice(change, steps, flows, rising_s, falling_s, second_s):  # type:
 
 @njit(cache=True, error_model="numpy")
 def _stage(d, moved, step, rising_s, falling_s):  # type: ignore[no-untyped-def]
-    """d behind one step, and when within it y met u, after which the other time rules; `step` where it did not."""
+    """Return d after one step and the time at which y met u and the time constant changed, else `step`."""
     above = d > 0.0 or (d == 0.0 and moved < 0.0)
     now_s, then_s = (falling_s, rising_s) if above else (rising_s, falling_s)
     kept = math.exp(-step / now_s)
@@ -61,7 +61,7 @@ def _stage(d, moved, step, rising_s, falling_s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _second_stage(w, d, moved, step, rising_s, falling_s, second_s):  # type: ignore[no-untyped-def]
-    """w behind a piece in which the first stage, d away at its begin, has one time."""
+    """Return w after a piece in which the first stage, d away at its start, has one time constant."""
     above = d > 0.0 or (d == 0.0 and moved < 0.0)
     ratio = (falling_s if above else rising_s) / second_s
     two = step / second_s
@@ -72,13 +72,13 @@ def _second_stage(w, d, moved, step, rising_s, falling_s, second_s):  # type: ig
 
 @njit(cache=True, error_model="numpy")
 def _mean(x):  # type: ignore[no-untyped-def]
-    """(1 − e^(−x)) / x, the mean of e^(−t) over [0, x]."""
+    """Return (1 − e^(−x)) / x, the mean of e^(−t) over [0, x]."""
     return -math.expm1(-x) / x if x > 0.0 else 1.0
 
 
 @njit(cache=True, error_model="numpy")
 def through_orifice(middle, steps, running, rising_s, falling_s, power, first):  # type: ignore[no-untyped-def]
-    """y (t,) from `first` through an orifice, with inputs (t − 1,) that stand at their middle over each step."""
+    """Return y (t,) from `first` through an orifice, with inputs (t − 1,) constant at their mean over each step."""
     found, rest = np.empty(len(middle) + 1), 1.0 - power
     found[0] = y = first
     for k in range(len(middle)):
@@ -92,16 +92,14 @@ def through_orifice(middle, steps, running, rising_s, falling_s, power, first): 
 
 @njit(cache=True, error_model="numpy")
 def lacking(pressure, valve, steps, rate_1_s, filling_s, power, full):  # type: ignore[no-untyped-def]
-    """d (t,) of a leak at the samples; `full`: the pressure of the stated rate, infinite where the power is 1."""
+    """Return d (t,) of a leak; `full` is the pressure of the stated rate, infinite for a power of 1."""
     found = np.empty(len(pressure))
     rate = rate_1_s
     found[0] = rate * filling_s / (1.0 + rate * filling_s) * pressure[0]
     for k in range(1, len(pressure)):
         start, end, step = pressure[k - 1], pressure[k], steps[k - 1]
         slope = (end - start) / step
-        if power != 1.0 and math.isfinite(
-            full
-        ):  # the rate at the pressure that is there when the step begins
+        if power != 1.0 and math.isfinite(full):  # the rate at the pressure at the start of the step
             there = max(abs(start - found[k - 1]) / full, SMALL_SHARE)
             rate = rate_1_s * there ** (power - 1.0)
         total = rate + (1.0 / filling_s if valve[k] != 0.0 else 0.0)
@@ -113,7 +111,7 @@ def lacking(pressure, valve, steps, rate_1_s, filling_s, power, full):  # type: 
 
 @njit(cache=True, error_model="numpy")
 def behind_play(angle, half):  # type: ignore[no-untyped-def]
-    """The play operator (t,) of half the clearance: it stands still until the angle has left it behind by so much."""
+    """Apply the play operator to angles (t,): the output is constant while the angle is within `half` the clearance."""
     found = np.empty(len(angle))
     held = angle[0] if len(angle) else 0.0
     for k in range(len(angle)):

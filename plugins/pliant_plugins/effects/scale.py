@@ -11,7 +11,7 @@ from pliant.records.design import Array
 
 
 def rest_stiffness(chain: ChainModel) -> float:
-    """k₀, the mean of `joint_stiffnesses`: a term is one function for the whole chain.
+    """Return k₀, the mean of `joint_stiffnesses`: a term is one function for the whole chain.
 
     Effects state their moments as shares of k₀ or as the angle that k₀ makes of them, so that the same number means the
     same on a fingertip and on an arm.
@@ -23,7 +23,7 @@ def rest_stiffness(chain: ChainModel) -> float:
 
 
 def joint_stiffnesses(chain: ChainModel) -> Array:
-    """(n,) −∂τ/∂u at p = 0, u = 0 of each joint's own law, before any effect, in N·m/rad (N/m on slides).
+    """Return (n,) −∂τ/∂u at p = 0, u = 0 of each joint's law before any effect, in N·m/rad (N/m on slides).
 
     About the main axis, over all actuators of a joint.
 

@@ -42,7 +42,7 @@ class SelfContactConfig(EffectConfig):
 
 
 class SelfContact(Effect):
-    """Adds a spring beyond the contact angle."""
+    """A spring beyond the contact angle."""
 
     place = "law"
     notes = EffectNotes(
@@ -60,7 +60,7 @@ class SelfContact(Effect):
     config: SelfContactConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with contact in every joint. Raises `UserError` for a law that is not stiff at rest."""
+        """Return the model with contact in every joint. Raises `UserError` for a law that is not stiff at rest."""
         stiffness = self.config.stiffening * rest_stiffness(model.chain)
         return model.with_term(
             LawTerm("moment", _moment, (stiffness, self.config.contact_rad, self.config.power))

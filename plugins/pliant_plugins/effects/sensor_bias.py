@@ -30,7 +30,7 @@ class SensorBiasConfig(EffectConfig):
 
 
 class SensorBias(Effect):
-    """Shifts the angles that are read."""
+    """An offset of the angles that are read."""
 
     place = "output"
     notes = EffectNotes(
@@ -47,5 +47,5 @@ class SensorBias(Effect):
     config: SensorBiasConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its readings; where no angle is read it changes nothing."""
+        """Return the model with one more map of its readings; where no angle is read it changes nothing."""
         return model.with_output(partial(with_angles, change=partial(add, self.config.bias_rad)))

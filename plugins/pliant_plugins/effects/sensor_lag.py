@@ -35,7 +35,7 @@ class SensorLagConfig(EffectConfig):
 
 
 class SensorLag(Effect):
-    """Delays every recorded angle by a first-order lag."""
+    """A first-order lag of every recorded angle."""
 
     place = "output"
     notes = EffectNotes(
@@ -55,7 +55,7 @@ class SensorLag(Effect):
     config: SensorLagConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its readings; where no angle is read over time it changes nothing."""
+        """Return the model with one more map of its readings; where no angle is read over time it changes nothing."""
         return model.with_output(partial(_delayed, self.config))
 
 

@@ -23,6 +23,7 @@ class SensorScaleConfig(EffectConfig):
     kind: Literal["sensor_scale"] = "sensor_scale"
     excess: Ratio = parameter(neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1), example=0.06)
     """reading / true angle − 1"""
+    bare_keys = ("curvature_per_rad",)
     curvature_per_rad: float = parameter(
         unit="rad^-1", neutral=0.0, bounds=(-1.0, 2.0), plausible=(-0.4, 0.4), role="form"
     )
@@ -30,7 +31,7 @@ class SensorScaleConfig(EffectConfig):
 
 
 class SensorScale(Effect):
-    """Scales the angles that are read."""
+    """A factor on the angles that are read."""
 
     place = "output"
     notes = EffectNotes(
@@ -48,7 +49,7 @@ class SensorScale(Effect):
     config: SensorScaleConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its readings; where no angle is read it changes nothing."""
+        """Return the model with one more map of its readings; where no angle is read it changes nothing."""
         change = partial(_scaled, self.config.excess, self.config.curvature_per_rad)
         return model.with_output(partial(with_angles, change=change))
 

@@ -2,13 +2,13 @@
 
     τ'(p, q) = τ(p, v),      v = q + C τ'
 
-The spring of compliance C gives q − v = −C τ', and the joint what is left. With the potential Π of the joint's law
+The spring of compliance C turns by q − v = −C τ', the joint by v. With the potential Π of the joint's law
 it is Π'(p, q) = min over v of Π(p, v) + |q − v|² / (2 C), so that τ' = −∂Π'/∂q as for every law, and
 
     ∂τ'/∂q = (1 − C ∂τ/∂v)⁻¹ ∂τ/∂v,      ∂τ'/∂p = (1 − C ∂τ/∂v)⁻¹ ∂τ/∂p
 
-For the three axes of a ball joint rotation vectors are added, which is exact for turns about one axis and off by a
-share of |v|²/12 for others.
+For the three axes of a ball joint rotation vectors are added, which is exact for turns about one axis and has a
+relative error of |v|²/12 for others.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.mechanics.law_around import LawAround
+from pliant.mechanics.law_around import LawWrapper
 from pliant.records.design import Array
-from pliant.records.error_bar import ErrorBar
+from pliant.records.error_bar import ErrorBand
 from pliant.records.law import Effort, JointLaw, LawRecord
 
 MOST_STEPS = 40
@@ -29,13 +29,13 @@ LEAST_STEP = 1.0 / 64.0
 
 
 @dataclass(frozen=True, eq=False)
-class SeriesLaw(LawAround):
+class SeriesLaw(LawWrapper):
     """`law` behind a spring that turns by `compliance` rad per N·m about every axis; with `law`'s domain and error."""
 
     compliance: float
 
     @property
-    def error(self) -> ErrorBar | None:  # type: ignore[override]
+    def error(self) -> ErrorBand | None:  # type: ignore[override]
         return self.law.error
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
@@ -53,7 +53,7 @@ class SeriesLaw(LawAround):
         return self._stored(p, q) - self._stored(p, np.zeros_like(q))
 
     def band(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array | None:
-        """See `JointLaw.band`: the inner law's where the joint is, less what the spring takes of it."""
+        """See `JointLaw.band`: the inner law's at the joint's deformation, reduced by the spring."""
         p, q = np.asarray(actuation, float), np.asarray(deformation, float)
         v, effort = self._divided(p, q)
         inner = self.law.band(p, v, level)
@@ -67,9 +67,9 @@ class SeriesLaw(LawAround):
         """See `JointLaw.draws`."""
         return tuple(SeriesLaw(law, self.compliance) for law in self.law.draws(count, seed))
 
-    def behind(self) -> tuple[JointLaw, float, float]:
-        """See `JointLaw.behind`."""
-        law, stretch, give = self.law.behind()
+    def unwrap(self) -> tuple[JointLaw, float, float]:
+        """See `JointLaw.unwrap`."""
+        law, stretch, give = self.law.unwrap()
         return law, stretch, give + stretch * self.compliance
 
     def record(self) -> LawRecord:
@@ -84,7 +84,7 @@ class SeriesLaw(LawAround):
         return np.asarray(self.law.potential(p, v) + spring)
 
     def _divided(self, p: Array, q: Array) -> tuple[Array, Effort]:
-        """The joint's own deformation v (n, a) and the inner law there: Newton, shortened where it does not help."""
+        """Solve for the joint's deformation v (n, a) by damped Newton; return it and the inner law there."""
         identity = np.eye(q.shape[1])
         v, effort = q, self.law.evaluate(p, q)
         short = np.ones(len(q))

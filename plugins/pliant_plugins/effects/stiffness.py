@@ -3,8 +3,8 @@
     τ'(p, u) = f E(u) + A(p, u)        E(u) = τ(0, u),  A(p, u) = τ(p, u) − E(u)
 
 The effort is split as in the reference study (Yao, Howard, Maiolino, doi 10.1002/aisy.70406) into an
-elastic part, which is all that is left at p = 0, and an actuation part; the modulus of the material
-scales the first. A change that is not the same at every angle is f(u) = 1 + (f − 1) (|u|/û)^a, û = 0.2 rad.
+elastic part, the whole effort at p = 0, and an actuation part; the modulus of the material scales the first. A change
+that depends on the angle is f(u) = 1 + (f − 1) (|u|/û)^a, û = 0.2 rad.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class StiffnessConfig(EffectConfig):
 
 
 class Stiffness(Effect):
-    """Scales the elastic part of every joint law."""
+    """A factor on the elastic part of every joint law."""
 
     place = "law"
     notes = EffectNotes(
@@ -52,7 +52,7 @@ class Stiffness(Effect):
     config: StiffnessConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more factor on the elastic part."""
+        """Return the model with one more factor on the elastic part."""
         if self.config.angle_power == 0.0:
             return model.with_term(LawTerm("elastic", constant_factor, (self.config.factor,)))
         return model.with_term(LawTerm("elastic", _factor, (self.config.factor, self.config.angle_power)))

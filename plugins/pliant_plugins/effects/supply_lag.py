@@ -33,7 +33,7 @@ from pliant.mechanics.full_scale import full_scale
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.lag import lagged, steps_of
+from pliant_plugins.effects.lag import lagged, step_changes
 
 
 class SupplyLagConfig(EffectConfig):
@@ -67,7 +67,7 @@ class SupplyLagConfig(EffectConfig):
 
 
 class SupplyLag(Effect):
-    """Delays every actuation by two first-order lags in a row."""
+    """Two first-order lags in series on every actuation."""
 
     place = "input"
     notes = EffectNotes(
@@ -86,12 +86,12 @@ class SupplyLag(Effect):
     config: SupplyLagConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its inputs."""
+        """Return the model with one more map of its inputs."""
         return model.with_input(partial(_delayed, self.config, full_scale(model.chain)))
 
 
 def _delayed(config: SupplyLagConfig, full: float, history: History) -> History:
-    """`full`: the difference at which the first stage flows as fast as a linear one, whatever the power."""
+    """Delay the inputs; `full` is the difference at which the first stage flows as fast as a linear one."""
     time_s, filling_s = history.time_s, config.time_s
     if time_s is None or filling_s == 0.0:
         return history
@@ -121,18 +121,18 @@ def through_orifice(
     power: float,
     flows: NDArray[np.bool_] | None = None,
 ) -> Array:
-    """(t,) y with T y' = sign(u − y) |u − y|^n of `values` u (t,), numbers of order 1, from balance.
+    """Return (t,) y of T y' = sign(u − y) |u − y|^n, `values` u (t,) of order 1, starting in balance.
 
-    Over a step u stands at its middle, for which the solution is exact,
+    Over a step u is constant at its mean, for which the solution is exact,
 
         |y − u|^(1−n) (t + h) = |y − u|^(1−n) (t) − (1 − n) h / T,
 
-    and nothing is left once the right side is negative: of second order in the step. `times_s` are T while y rises and
-    while it falls.
+    and the difference is zero once the right side is negative: of second order in the step. `times_s` are T while y
+    rises and while it falls.
     """
     from pliant_plugins.effects import recurrences
 
-    _, steps, running = steps_of(values, time_s, flows)
+    _, steps, running = step_changes(values, time_s, flows)
     middle, first = 0.5 * (values[1:] + values[:-1]), float(values[0])
     late: Array = recurrences.through_orifice(middle, steps, running, *times_s, power, first)
     return late
@@ -145,10 +145,10 @@ def lagged_twice(
     second_s: float,
     flows: NDArray[np.bool_] | None = None,
 ) -> Array:
-    """(t,) z, what has arrived of u = `values` (t,) at `time_s` (t,) behind both stages, y and z, from balance.
+    """Return z (t,), the response to u = `values` (t,) at `time_s` (t,) after both stages, y and z, from balance.
 
     `times_s` are the first stage's time constants while it rises and while it falls, `second_s` the second one's, all
-    above zero. `flows` (t − 1,) says in which steps anything does; by default in all.
+    above zero. `flows` (t − 1,) marks steps with flow; by default all.
 
     u is a straight line of slope s between samples. Within a piece in which T does not change, y = u + d with
     d = −s T + c e^(−t/T), so with w = z − u, a step h is exact:
@@ -157,9 +157,9 @@ def lagged_twice(
         E₂ = e^(−h/T₂),      G = T/(T − T₂) (e^(−h/T) − e^(−h/T₂)),      G → h/T e^(−h/T) where T₂ → T
 
     The second stage is linear: where y passes u within a step, the step is two pieces (d = 0 between them), and every
-    piece has one T. Where nothing flows both stages stand still.
+    piece has one T. Without flow both stages are constant.
     """
     from pliant_plugins.effects.recurrences import lagging_twice
 
-    late: Array = values + lagging_twice(*steps_of(values, time_s, flows), *times_s, second_s)
+    late: Array = values + lagging_twice(*step_changes(values, time_s, flows), *times_s, second_s)
     return late

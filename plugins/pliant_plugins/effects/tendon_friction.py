@@ -42,7 +42,7 @@ class TendonFrictionConfig(EffectConfig):
 
 
 class TendonFriction(Effect):
-    """Scales the actuation part by what friction leaves of the tendon's tension."""
+    """A factor on the actuation part: the share of the tendon's tension that friction transmits."""
 
     place = "law"
     notes = EffectNotes(
@@ -62,7 +62,7 @@ class TendonFriction(Effect):
     config: TendonFrictionConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more factor on the actuation part.
+        """Return the model with one more factor on the actuation part.
 
         Raises:
             UserError: a chain that no tendon drives, or tendons that pull either way.
@@ -75,7 +75,7 @@ class TendonFriction(Effect):
 
 
 def _pull(chain: ChainModel) -> float:
-    """The sign of the angle toward which the tendons bend a joint."""
+    """Return the sign of the angle toward which the tendons bend a joint."""
     names = sorted({law.actuation_name for law in chain.laws})
     if names != [TENDON]:
         raise ImpossibleEffectError(

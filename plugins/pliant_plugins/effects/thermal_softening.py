@@ -34,7 +34,7 @@ class ThermalSofteningConfig(EffectConfig):
 
 
 class ThermalSoftening(Effect):
-    """Scales the elastic part with the temperature of the run."""
+    """A factor on the elastic part that depends on the temperature of the run."""
 
     place = "law"
     notes = EffectNotes(
@@ -51,7 +51,7 @@ class ThermalSoftening(Effect):
     config: ThermalSofteningConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more factor on the elastic part."""
+        """Return the model with one more factor on the elastic part."""
         return model.with_term(
             LawTerm("elastic", _factor, (self.config.loss_per_k, self.config.curvature_per_k))
         )

@@ -1,11 +1,11 @@
-"""Stress that relaxes: a Maxwell branch beside the elastic law.
+"""Stress relaxation: a Maxwell branch in parallel with the elastic law.
 
     M = −g k₀ h,      dh/dt = du/dt − h / T
 
 per joint: the standard linear solid, one term of a Prony series (Simo & Hughes, Computational Inelasticity, 1998,
-ch. 10; several branches are several entries of `effects`). The model's law is the slow, relaxed one; at once the
-joint is stiffer by the share g of its stiffness at rest k₀, and after a step of angle the surplus fades as
-e^(−t/T). Over a step Δt in which the angle moves evenly by Δu the solution is exact (Taylor, Pister & Goudreau,
+ch. 10; several branches are several entries of `effects`). The model's law is the slow, relaxed one; the instantaneous
+stiffness is larger by the share g of the stiffness at rest k₀, and after a step of angle the additional moment decays
+as e^(−t/T). Over a step Δt in which the angle changes linearly by Δu the solution is exact (Taylor, Pister & Goudreau,
 Int. J. Numer. Meth. Eng. 2, 1970):
 
     h' = e^(−Δt/T) h + (1 − e^(−Δt/T)) T/Δt Δu
@@ -48,7 +48,7 @@ class ViscoelasticConfig(EffectConfig):
 
 
 class Viscoelastic(Effect):
-    """Adds a relaxing branch to every joint."""
+    """A relaxing branch in every joint."""
 
     place = "law"
     notes = EffectNotes(
@@ -66,7 +66,7 @@ class Viscoelastic(Effect):
     config: ViscoelasticConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more branch. Raises `UserError` for a law that is not stiff at rest."""
+        """Return the model with one more branch. Raises `UserError` for a law that is not stiff at rest."""
         stiffness = self.config.share * rest_stiffness(model.chain)
         parameters = (stiffness, self.config.time_s, self.config.spread)
         return model.with_term(LawTerm("moment", _moment, parameters, n_states=3, needs_time=True))

@@ -32,7 +32,7 @@ class ViscousDampingConfig(EffectConfig):
 
 
 class ViscousDamping(Effect):
-    """Adds a dashpot to every joint."""
+    """A dashpot in every joint."""
 
     place = "law"
     notes = EffectNotes(
@@ -50,7 +50,7 @@ class ViscousDamping(Effect):
     config: ViscousDampingConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with a dashpot in every joint. Raises `UserError` for a law that is not stiff at rest."""
+        """Return the model with a dashpot in every joint. Raises `UserError` for a law that is not stiff at rest."""
         damping = self.config.time_s * rest_stiffness(model.chain)
         return model.with_term(LawTerm("moment", _moment, (damping, self.config.rate_power), needs_time=True))
 

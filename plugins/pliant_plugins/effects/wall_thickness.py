@@ -38,7 +38,7 @@ class WallThicknessConfig(EffectConfig):
 
 
 class WallThickness(Effect):
-    """Scales the elastic and the actuation part of every joint law by one thickness."""
+    """Factors on the elastic and the actuation part of every joint law from one thickness."""
 
     place = "law"
     notes = EffectNotes(
@@ -57,7 +57,7 @@ class WallThickness(Effect):
     config: WallThicknessConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with a factor on the elastic part and one on the actuation part."""
+        """Return the model with a factor on the elastic part and one on the actuation part."""
         config = self.config
         elastic = LawTerm("elastic", constant_factor, (config.ratio**config.elastic_exponent,))
         actuation = LawTerm("actuation", constant_factor, (config.ratio**config.actuation_exponent,))

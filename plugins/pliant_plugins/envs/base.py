@@ -16,7 +16,7 @@ from pliant.errors import UserError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.viewer import Picture, View
 from pliant.pipeline.motion import drawn_chain, highest_actuation, prepared_chain
-from pliant.pipeline.study import StudyRun, laws_of_study
+from pliant.pipeline.study import StudyRun, build_study_laws
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneFrames
@@ -27,12 +27,12 @@ STUDIES = Path(__file__).parent / "studies"
 
 
 def stored() -> Path:
-    """The artifact store of environments: `PLIANT_STORE`, else the usual one."""
+    """Return the artifact store of environments: `PLIANT_STORE`, else the usual one."""
     return Path(os.environ.get("PLIANT_STORE") or DEFAULT_STORE)
 
 
 class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
-    """One episode: `steps` control steps of `control_s`, in each of which the action holds.
+    """An environment whose episode has `steps` control steps of `control_s`, with a constant action in each.
 
     Args:
         study: path of a study file; by default one that ships with the environment.
@@ -49,7 +49,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         inputs: of the chain; action +1 means the highest value of each, −1 is 0.
 
     Raises:
-        UserError: an argument or the study is wrong, or nothing says how far the actuation goes.
+        UserError: an argument or the study is wrong, or the range of the actuation is not defined.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's
@@ -85,7 +85,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self._taken = 0
         self.opened = open_study(study or STUDIES / f"{self.default_study}.yaml", store=stored())
         loaded = self.opened.study
-        self.task: Any  # a subclass may need a kind of its own
+        self.task: Any  # a subclass may need another type
         self.chain, self.backend, self.task = self._prepared()
         if not self.backend.capabilities.dynamic:
             raise UserError(
@@ -101,17 +101,17 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self._build()
 
     def _prepared(self) -> tuple[ChainModel, PhysicsBackend, Any]:
-        """Chain with loads and effects, engine, task."""
+        """Prepare the chain with loads and effects, the engine and the task."""
         return prepared_chain(self.opened.bench, self.opened.study)
 
     def _actuation(self, share: Array) -> dict[str, float]:
-        """Inputs at shares (k,) of their highest values."""
+        """Return inputs at shares (k,) of their highest values."""
         return dict(zip(self.inputs, (share * self._highest).tolist(), strict=True))
 
     def _looks(self) -> ChainModel:
-        """The chain as it is drawn."""
+        """Return the chain with the surfaces for pictures."""
         bench, study = self.opened.bench, self.opened.study
-        return drawn_chain(bench, StudyRun(study, laws_of_study(bench, study)))
+        return drawn_chain(bench, StudyRun(study, build_study_laws(bench, study)))
 
     def _set_spaces(self, actions: int, observations: int) -> None:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
@@ -120,7 +120,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[OBSERVED, dict[str, Any]]:
-        """A new episode from the resting robot; `options` fixes what is drawn at random otherwise."""
+        """Start a new episode from the resting robot; `options` fixes what is drawn at random otherwise."""
         super().reset(seed=seed)
         options = options or {}
         unknown = sorted(set(options) - set(self.option_names))
@@ -134,7 +134,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         return self._observed(), self._metrics()
 
     def step(self, action: NDArray[np.float32]) -> tuple[OBSERVED, float, bool, bool, dict[str, Any]]:
-        """One control step. A motion that becomes unbounded ends the episode at the price of all steps left."""
+        """Make one control step. Unbounded motion ends the episode at the cost of all remaining steps."""
         wanted = np.clip(np.asarray(action, float).ravel(), -1.0, 1.0)
         self._taken += 1
         bounded = self._advance(wanted)
@@ -147,13 +147,13 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         return self._observed(), reward, self._done(), truncated, self._metrics()
 
     def render(self) -> Picture | None:
-        """(height, width, 3) uint8, or None without a render mode."""
+        """Return a picture (height, width, 3) of uint8, or None without a render mode."""
         if self.render_mode is None:
             return None
         frame = self._frame()
         if self._painter is None:
-            from pliant_plugins.viewing.drawing import SceneDrawing
-            from pliant_plugins.viewing.painter import Painter
+            from pliant_view.mujoco.drawing import SceneDrawing
+            from pliant_view.mujoco.painter import Painter
 
             scene, fitted = self._drawn()
             self._painter = Painter(SceneDrawing(scene, fitted, self._size), self._size, self._camera)
@@ -177,32 +177,32 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
     @abstractmethod
     def _begin(self, options: dict[str, Any]) -> None:
-        """Rest the robot and draw what this episode asks."""
+        """Rest the robot and draw the episode's random values."""
 
     @abstractmethod
     def _advance(self, action: Array) -> bool:
-        """One control step; False where the motion has become unbounded."""
+        """Advance one control step; return False if the motion has become unbounded."""
 
     @abstractmethod
     def _observed(self) -> OBSERVED:
-        """What the agent sees."""
+        """Return the observation."""
 
     @abstractmethod
     def _reward(self, action: Array) -> float:
-        """Reward of the step just done."""
+        """Return the reward of the last step."""
 
     @abstractmethod
     def _metrics(self) -> dict[str, Any]:
-        """The `info` of the step just done: metrics by name."""
+        """Return the `info` of the last step: metrics by name."""
 
     def _done(self) -> bool:
-        """Whether the task is over before its time."""
+        """Return whether the task has ended before its time limit."""
         return False
 
     @abstractmethod
     def _frame(self) -> SceneFrames:
-        """The present pose as one frame."""
+        """Return the present pose as one frame."""
 
     @abstractmethod
     def _drawn(self) -> tuple[Scene, SceneFrames]:
-        """The scene as it looks, and poses that the picture must hold."""
+        """Return the scene to draw and poses that the picture must include."""

@@ -1,4 +1,4 @@
-"""Controllers to beat, for `pliant/Reach-v0` and `pliant/Track-v0`: none of them learns.
+"""Baseline controllers without learning for `pliant/Reach-v0` and `pliant/Track-v0`.
 
 All know the nominal model's equilibria and what a bench measures, never the episode's own robot. Several may share one
 `model`, which remembers the places that were aimed at.
@@ -24,13 +24,13 @@ DAMPING = 1e-3  # of the pseudo-inverse, in shares of the chain's length
 
 
 class Controller(Protocol):
-    """What `score` drives an environment with."""
+    """A controller for `score`."""
 
     def begin(self, info: Mapping[str, Any]) -> None:
-        """A new episode, of which `info` is that of `reset`."""
+        """Start an episode, of which `info` is that of `reset`."""
 
     def act(self, info: Mapping[str, Any]) -> Array:
-        """(k,) the next action, from the `info` of the last step."""
+        """Return the (k,) next action, from the `info` of the last step."""
 
 
 class Aim(NamedTuple):
@@ -41,9 +41,10 @@ class Aim(NamedTuple):
 
 
 class Nominal:
-    """The nominal model's equilibria by shares of the actuation, and the shares for a place of the tip.
+    """The nominal model's equilibria as functions of the shares of the actuation, and the inverse from a position of
+    the tip.
 
-    Lags and memory are not in it. Maps of the inputs are, each input by itself, where they do not fall.
+    Lags and memory are not included. Monotone maps of single inputs are.
     """
 
     def __init__(self, env: MeasuredEnv) -> None:
@@ -64,7 +65,7 @@ class Nominal:
         return np.array([self._response(np.array([share])).markers_m[-1] for share in self._shares])
 
     def shares(self, tip_m: Array) -> Array:
-        """(k,) shares of the actuation that bring the tip there, or closest; of one input on straight lines."""
+        """Return (k,) shares of the actuation for a tip position, or the closest; of one input by interpolation."""
         if len(self.inputs) == 1:
             begins, spans = self._tips[:-1], np.diff(self._tips, axis=0)
             square = np.maximum(np.sum(spans**2, axis=1), 1e-30)
@@ -76,7 +77,7 @@ class Nominal:
         return np.array([np.interp(found[name], row, self._shares) for name, row in pairs])
 
     def aim(self, tip_m: Array) -> Aim:
-        """The shares for a place and their slopes by damped least squares; places are remembered."""
+        """Return the shares for a position and their slopes by damped least squares; positions are cached."""
         key = np.asarray(tip_m, float).tobytes()
         if key not in self._aims:
             shares = self.shares(np.asarray(tip_m, float))
@@ -86,13 +87,13 @@ class Nominal:
         return self._aims[key]
 
     def tip_m(self, shares: Array) -> Array:
-        """(3,) where the tip settles."""
+        """Return the (3,) settled position of the tip."""
         if len(self.inputs) == 1:
             return np.array([np.interp(shares[0], self._shares, column) for column in self._tips.T])
         return np.asarray(self._response(shares).markers_m[-1])
 
     def tip_slopes(self, shares: Array) -> Array:
-        """(3, k) its slopes by the shares; of several inputs by the mean slope of what reaches the chain."""
+        """Return (3, k) derivatives of the tip by the shares, by mean slopes of the input maps."""
         if len(self.inputs) == 1:
             slopes = np.gradient(self._tips, self._shares, axis=0)
             return np.array([[np.interp(shares[0], self._shares, column)] for column in slopes.T])
@@ -106,25 +107,25 @@ class Nominal:
 
 
 def _aim(info: Mapping[str, Any]) -> Array:
-    """(3,) where the tip should be at the end of the next step."""
+    """Return (3,) the target of the tip at the end of the next step."""
     return np.asarray(info["ahead_m"][0] if "ahead_m" in info else info["target_m"])
 
 
 class OpenLoop:
-    """Inverse statics of the nominal model; what is measured is not looked at."""
+    """Inverse statics of the nominal model, without feedback."""
 
     def __init__(self, env: MeasuredEnv, model: Nominal | None = None) -> None:
         self._model = model or Nominal(env)
 
     def begin(self, info: Mapping[str, Any]) -> None:
-        """Nothing is remembered."""
+        """Do nothing: this baseline has no state."""
 
     def act(self, info: Mapping[str, Any]) -> Array:
         return 2.0 * self._model.aim(_aim(info)).shares - 1.0
 
 
 class ProportionalIntegral:
-    """PI on the measured tip: the error goes to the inputs through the nominal slopes, damped least squares.
+    """PI control of the measured tip: the error is mapped to the inputs by the nominal slopes, damped least squares.
 
     Gains are per control step: `proportional`, `integral`. The integral stops where an input is at its limit.
     """
@@ -192,7 +193,7 @@ BASELINES = {"open loop": OpenLoop, "PI": ProportionalIntegral, "MPC": Predictiv
 
 
 def score(env: Any, controller: Controller, seeds: range, *, skip: int = 0, **options: Any) -> Array:
-    """(len(seeds),) root mean square error of each episode, m: true tip against the target, after `skip` steps."""
+    """Return (len(seeds),) RMS distances of tip and target in each episode, m, after `skip` steps."""
     errors = []
     for seed in seeds:
         _, info = env.reset(seed=seed, options=options)

@@ -22,7 +22,7 @@ from pliant_plugins.tasks.curves import Distances, resampled
 from pliant_plugins.tasks.follow_shape import FollowShape
 
 CHANGE_COST = 0.01  # of a full swing of every action, per step
-RATE_S = 0.1  # rates are seen as the angle of this time
+RATE_S = 0.1  # rates are observed as the angle in this time
 REACHED = 0.02  # of the chain's length
 WEIGHT_N_KG = 9.81
 TIP_LOADS_KG = (0.0, 0.01, 0.02, 0.05)
@@ -51,7 +51,7 @@ class ChainEnv(SoftRobotEnv):
         self._set_spaces(len(self.inputs), size_seen)
 
     def _quasistatic(self) -> PhysicsBackend:
-        """Equilibria, by which goals are drawn: the engines agree, and Newton is the quickest."""
+        """Return the equilibria from which goals are drawn: engines agree, and Newton is the fastest."""
         component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
         backend: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
         return backend
@@ -94,15 +94,15 @@ class ChainEnv(SoftRobotEnv):
         }
 
     def _inputs(self, share: Array) -> Inputs:
-        """Actuation with this episode's loads."""
+        """Return actuation with this episode's loads."""
         return Inputs(self._actuation(share))
 
     def _in_lengths(self, points_m: Array) -> Array:
-        """World points from the base, in chain lengths."""
+        """Return world points relative to the base, in chain lengths."""
         return np.asarray((points_m - self.chain.base_position_m) / self._length_m)
 
     def _settled(self, share: Array) -> Equilibrium:
-        """The equilibrium at this actuation and this episode's loads."""
+        """Return the equilibrium at this actuation and this episode's loads."""
         self._statics.restore(self._straight)
         self._statics.apply(self._inputs(share))
         return self._statics.settle()
@@ -129,18 +129,18 @@ class ChainEnv(SoftRobotEnv):
 
     @abstractmethod
     def _goal(self) -> Array:
-        """(goal_size,) what the observation says of the goal and the loads."""
+        """Return (goal_size,) the part of the observation for the goal and the loads."""
 
     @abstractmethod
     def _error_m(self) -> float:
-        """How far the chain is from the goal."""
+        """Return the distance between the chain and the goal."""
 
 
 def points_option(options: dict[str, Any], name: str, curve: bool = False) -> Array | None:
-    """A vector (3,) from the options, or a curve's points (k, 3); None where it is not given.
+    """Return a vector (3,) from the options, or a curve's points (k, 3); None if the option is absent.
 
     Raises:
-        UserError: anything else stands there.
+        UserError: the option has any other value.
     """
     if name not in options:
         return None
@@ -181,7 +181,7 @@ class ReachEnv(ChainEnv):
         self._target = self._settled(share).tip_m.copy() if target is None else target
 
     def _draw_force(self) -> Array:
-        """This episode's tip force (3,) in N."""
+        """Return this episode's tip force (3,) in N."""
         return np.zeros(3)
 
     def _inputs(self, share: Array) -> Inputs:
@@ -198,7 +198,7 @@ class ReachEnv(ChainEnv):
 
 
 class FreeBendingEnv(ReachEnv):
-    """Bend a finger of eight modules until its tip is at the target; nothing hangs at it."""
+    """Bend a finger of eight modules without payload until its tip is at the target."""
 
     default_study: ClassVar[str] = "free_bending"
 

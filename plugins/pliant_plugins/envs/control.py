@@ -16,7 +16,8 @@ from pliant.api import OpenStudy
 from pliant.diagnosis.kept_posterior import kept_posterior
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
-from pliant.interfaces.physics import PhysicsBackend, Simulation, SimulationState
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.simulation import Simulation, SimulationState
 from pliant.pipeline.motion import prepared_model
 from pliant.pipeline.simulate import WithInputs, drawn_chains
 from pliant.records.chain import ChainModel
@@ -28,7 +29,7 @@ from pliant_plugins.envs.chain_env import LEAST_SHARE, ChainEnv, points_option
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known of a robot beyond its nominal model.
+    """The uncertainty of a robot about its nominal model.
 
     Attributes:
         models: drawn chains with the task's loads and the effects applied, maps of inputs included.
@@ -48,7 +49,7 @@ def evidence(opened: OpenStudy, count: int, seed: int) -> Evidence:
     study, bench = opened.study, opened.bench
     nominal = prepared_model(bench, study)[0].chain
     kept = kept_posterior(bench.registry, study)
-    has_bars = any(law.error is not None for law in nominal.laws)
+    has_bars = any(law.states_error for law in nominal.laws)
     if count and kept is None and not has_bars:
         raise UserError(
             f"worlds is {count}, and nothing says how sure the study is: it has no 'posterior' block (pliant extend "
@@ -73,7 +74,7 @@ def evidence(opened: OpenStudy, count: int, seed: int) -> Evidence:
 
 
 MOST_WORLDS = 10_000
-# A path is a sum of so many sines of the actuation, the slowest of this period.
+# A path is a sum of this number of sines of the actuation, the slowest of this period.
 SINES, PERIOD_S = 3, 2.0
 AHEAD = 3  # places of the path in the observation
 
@@ -88,14 +89,14 @@ class World(NamedTuple):
 
 
 class MeasuredEnv(ChainEnv):
-    """The agent sees what a bench measures: the tip, with noise and delay, and what it commanded.
+    """An environment that observes what a bench measures: the tip, with noise and delay, and the commanded actuation.
 
-    Args beside those of all environments:
-        worlds: so many robots are drawn from the study's evidence (error bars of laws, posterior of effects), and each
-            episode is in one of them; 0: every episode is in the nominal one.
+    Args in addition to those of all environments:
+        worlds: number of robots drawn from the study's evidence (error bars of laws, posterior of effects), one of
+            which each episode uses; 0: every episode uses the nominal one.
         world_seed: of the draws.
         noise_m: standard deviation of each coordinate of the tip; by default that of the study's posterior, else 0.
-        delay_s: after which a place of the tip is seen; whole control steps.
+        delay_s: delay until a position of the tip is observed; whole control steps.
 
     Observation: the tip as measured now and one step before, from the base in chain lengths (6), the shares of the
     actuation, then the goal. Option `world`: which robot, from 0; −1 is the nominal one. `info`: `tip_m` (true),
@@ -132,7 +133,7 @@ class MeasuredEnv(ChainEnv):
     def _build(self) -> None:
         super()._build()
         count, seed, noise, delay = self._asked
-        self.nominal = self._world_of(self._model)
+        self.nominal = self._build_world(self._model)
         known = evidence(self.opened, count, seed)
         self.noise_m = known.noise_m if noise is None else noise
         self.late = round(delay / self.control_s)
@@ -164,19 +165,19 @@ class MeasuredEnv(ChainEnv):
         return bounded
 
     def _measure(self) -> None:
-        """Read the tip, as it was `delay_s` ago."""
+        """Measure the position of the tip `delay_s` ago."""
         self._past.append(np.array(self._markers[-1]))
         noise = self.np_random.normal(0.0, 1.0, 3) * self.noise_m
         self._seen.append(self._past[0] + noise)
 
     def _made(self, number: int) -> World:
-        """A world, built when it is first needed."""
+        """Return a world, built on first use."""
         if number not in self._worlds:
-            self._worlds[number] = self._world_of(self._models[number])
+            self._worlds[number] = self._build_world(self._models[number])
         return self._worlds[number]
 
-    def _world_of(self, model: Model) -> World:
-        """Behind the model's maps of inputs, where it has any."""
+    def _build_world(self, model: Model) -> World:
+        """Build a world behind the model's maps of inputs, if it has any."""
         simulation, statics = (
             WithInputs(engine.build(model.chain), model) if model.inputs else engine.build(model.chain)
             for engine in (self.backend, self._quasistatic())
@@ -189,14 +190,14 @@ class MeasuredEnv(ChainEnv):
         return self._highest
 
     def equilibria(self) -> Simulation:
-        """The nominal robot's equilibria, for controllers: without what needs time, under what reaches the chain."""
+        """Return the nominal robot's equilibria for controllers, without effects of time."""
         lasting = tuple(term for term in self.chain.terms if not term.needs_time)
         return self._quasistatic().build(self.chain.with_(terms=lasting))
 
     def reaching(self, name: str, commanded: Array) -> Array:
-        """What reaches the nominal chain of values (m,) of one input after a long wait, the others at 0."""
+        """Return the steady actuation (m,) of the nominal chain for values (m,) of one input, the others at 0."""
         values = {one: np.zeros(len(commanded)) for one in self.inputs} | {name: commanded}
-        return np.asarray(self._model.commanded(History.of(values)).actuation[name])
+        return np.asarray(self._model.commanded(History.from_arrays(values)).actuation[name])
 
     def _observed(self) -> OBSERVED:
         now, before = self._in_lengths(self._seen[-1]), self._in_lengths(self._seen[0])
@@ -204,7 +205,7 @@ class MeasuredEnv(ChainEnv):
 
     @abstractmethod
     def _target_now(self) -> Array:
-        """(3,) where the tip should be."""
+        """Return the (3,) target of the tip."""
 
     def _error_m(self) -> float:
         return float(np.linalg.norm(self._markers[-1] - self._target_now()))
@@ -269,7 +270,7 @@ class MeasuredTrackEnv(MeasuredEnv):
         self._path = np.array([self._settled(share).tip_m for share in shares]) if path is None else path
 
     def _drawn_shares(self) -> Array:
-        """(steps + 1, k), within 10 % to 100 %, beginning at the mean."""
+        """Draw (steps + 1, k) shares within 10 % to 100 %, starting at the mean."""
         time_s = self.control_s * np.arange(self.steps + 1)
         rates = 2 * np.pi * np.arange(1, SINES + 1) / PERIOD_S
         sizes = (

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.interfaces.physics import SceneBackend
 from pliant.pipeline.motion import with_surfaces
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
@@ -42,8 +43,7 @@ class GraspEnv(SoftRobotEnv):
     Each episode draws the object's place and the pressure's error within the task's noise; friction stays.
     Option `placement_m`: (x, y, 0) instead.
     `info`: `rise_m`, `carriage_m`, `normal_n`, `friction_n`, `touching_share`, `slip_ratio`, `is_success` (up by
-    half the lift). An object that rolls 150 mm away ends the episode at −0.5 for each
-    step that is left.
+    half the lift). An object that rolls 150 mm away ends the episode at −0.5 for each remaining step.
 
     The study has a `grasp` task; by default three bellow fingers with a stated law and an egg.
     """
@@ -56,7 +56,7 @@ class GraspEnv(SoftRobotEnv):
         task = self.task
         if not isinstance(task, Grasp):
             raise UserError("pliant/Grasp-v0 needs a study with 'task: {kind: grasp, ...}'.")
-        if not self.backend.capabilities.contacts:
+        if not isinstance(self.backend, SceneBackend):
             kind = self.backend.config.kind
             raise UserError(f"physics '{kind}' has no contacts, which a grasp needs; use 'mujoco'.")
         self.config = task.config
@@ -79,7 +79,7 @@ class GraspEnv(SoftRobotEnv):
         given = points_option(options, "placement_m")
         positions = self._rest.positions_m.copy()
         positions[0, :2] += (place if given is None else given)[:2]
-        # What the engine remembers belongs to the old place.
+        # The engine's memory belongs to the old position.
         self.simulation.restore(replace(self._rest, positions_m=positions, private={}))
         self.simulation.apply([self._inputs()] * len(self.scene.arms))
         self.simulation.carry(np.zeros(3))
@@ -97,7 +97,7 @@ class GraspEnv(SoftRobotEnv):
         except UserError:
             return False
         self._state = self.simulation.snapshot()
-        self._grip = Grip.of(self.simulation.contacts(), self.scene)
+        self._grip = Grip.from_contacts(self.simulation.contacts(), self.scene)
         self._lowest = min(self._lowest, self._carriage_m)
         return True
 
@@ -162,7 +162,7 @@ class GraspEnv(SoftRobotEnv):
         return float(np.clip(followed / self.config.lift_height_m, 0.0, 1.0))
 
     def _inputs(self) -> Inputs:
-        """Actuation with this episode's error of the pressure, where there is pressure at all."""
+        """Return the actuation with this episode's error of the pressure, if there is a pressure."""
         full = self._actuation(self._share)
         if self.config.pressure_pa is None:
             return Inputs(full)
@@ -171,13 +171,13 @@ class GraspEnv(SoftRobotEnv):
         )
 
     def _frame(self) -> SceneFrames:
-        return SceneFrames.of([self._state])
+        return SceneFrames.from_states([self._state])
 
     def _drawn(self) -> tuple[Scene, SceneFrames]:
         looks = self._looks()
         heights = (0.0, -self.config.lower_height_m, self.config.lift_height_m)
         ends = [replace(self._rest, carriage_m=np.array([0.0, 0.0, height])) for height in heights]
-        return with_surfaces(self.scene, looks), SceneFrames.of(ends)
+        return with_surfaces(self.scene, looks), SceneFrames.from_states(ends)
 
     def close(self) -> None:
         super().close()

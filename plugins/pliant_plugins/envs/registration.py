@@ -13,12 +13,12 @@ ENVIRONMENTS = {
     "pliant/Track-v0": f"{HERE}.control:MeasuredTrackEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
 }
-# Needs a study, and is no robot that moves.
-DESIGN = {"pliant/Design-v0": f"{HERE}.design:DesignEnv"}
+# Needs a study with a search, and is no robot that moves.
+DESIGN = {"pliant/Design-v0": "pliant_search.envs.design:DesignEnv"}
 
 
 def register() -> None:
-    """Make the environments known to gymnasium; again and again is no harm.
+    """Register the environments with gymnasium; repeated calls have no effect.
 
     Raises:
         MissingDependencyError: gymnasium is not installed.

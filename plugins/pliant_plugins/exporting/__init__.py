@@ -1,1 +1,1 @@
-"""Chains as files for other programs: MJCF and URDF, with surfaces beside them."""
+"""Chains as files for other programs: MJCF and URDF, with their surfaces as mesh files."""

@@ -1,4 +1,4 @@
-"""What files say of a chain in any format: the law's stiffness at rest; surfaces as OBJ files beside them."""
+"""Content that all file formats share: the law's stiffness at rest and surfaces as OBJ files."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ WITHOUT_FORM = ("The law is in the JSON file beside it.", "It has no form that o
 
 
 def stiffness_at_rest(chain: ChainModel) -> Array:
-    """(n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together."""
+    """Return (n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together."""
     a = len(chain.axes)
     of_law = [law.evaluate(law.unactuated(1), np.zeros((1, a))).dtau_du[0] for law in chain.laws]
     found = []
     for joint in chain.joints:
-        acting = slice(*chain.drives_of(joint))
+        acting = slice(*chain.actuator_range(joint))
         turns = [actuator.turn(a) for actuator in chain.actuators[acting]]
         if len(chain.laws[joint.law].actuations) > 1:
             turns = turns[:1]  # one law of all of them
@@ -32,7 +32,7 @@ def stiffness_at_rest(chain: ChainModel) -> Array:
 
 
 class SurfaceFiles:
-    """Files in the folder `<name>_meshes` beside the file `path`: each distinct mesh once."""
+    """Mesh files in the folder `<name>_meshes` next to the file `path`: each distinct mesh once."""
 
     def __init__(self, path: Path) -> None:
         self.folder = path.with_name(f"{path.stem}_meshes")
@@ -40,7 +40,7 @@ class SurfaceFiles:
         self._known: dict[bytes, Path] = {}
 
     def file(self, mesh: TriangleMesh) -> Path:
-        """The file of a mesh, written when it is first asked for."""
+        """Return the file of a mesh, written on first use."""
         content = mesh.vertices_m.tobytes() + mesh.faces.tobytes()
         if content not in self._known:
             path = self.folder / f"surface_{len(self._known) + 1}.obj"
@@ -53,6 +53,6 @@ class SurfaceFiles:
         return self._known[content]
 
 
-def shapes_of(chain: ChainModel | None, body: int) -> tuple[Shape, ...]:
-    """The shapes on a body, if the chain has any."""
+def body_shapes(chain: ChainModel | None, body: int) -> tuple[Shape, ...]:
+    """Return the shapes on a body, if the chain has any."""
     return chain.shapes[body] if chain is not None and chain.shapes else ()

@@ -1,6 +1,6 @@
-"""A chain as MJCF: surfaces, shapes that collide, inputs, sites, sensors; the module beside it lets the laws act.
+"""A chain as MJCF: surfaces, collision shapes, inputs, sites, sensors, and a Python module that applies the laws.
 
-The file alone has the laws' stiffness at rest and moves as a passive spring; the module takes that away again.
+The file alone has the laws' stiffness at rest and moves as a passive spring; the module removes that stiffness.
 """
 
 from __future__ import annotations
@@ -11,18 +11,25 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 
-from pliant.exporting.written_law import has_form, identifier
 from pliant.inverse.limits import input_range
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.shape import Shape
-from pliant_plugins.exporting.content import SurfaceFiles, shapes_of, stiffness_at_rest
+from pliant_export.written_law import has_form, identifier
+from pliant_plugins.exporting.content import SurfaceFiles, body_shapes, stiffness_at_rest
 from pliant_plugins.exporting.mujoco_module import DrivenArm, module_text
-from pliant_plugins.physics.mujoco.mjcf import JOINT_TYPES, add_chain, document, placed, text
+from pliant_plugins.physics.mujoco.mjcf import (
+    JOINT_TYPES,
+    add_base_inertia,
+    add_chain,
+    document,
+    placed,
+    text,
+)
 
 SEEN, TOUCHED = "2", "3"  # MuJoCo's usual groups: visuals are shown, collision shapes are not
 TIMESTEP_S, SITE_M = 0.005, "0.001"
-# Behind the name of a joint: that of the slide beside its ball.
+# Suffix of a joint's name for the slide that is combined with its ball.
 EXTENDS = "_extension"
 THE_LAW = (
     " Written by Pliant. The joint law is not in this file, which alone is a spring with the law's stiffness at rest: "
@@ -37,11 +44,11 @@ NOWHERE = "it has no form that other languages can take."
 def write_mjcf(
     chain: ChainModel, path: Path, looks: ChainModel | None = None, damping: float = 0.0
 ) -> tuple[Path, ...]:
-    """Bodies `base`, `body_1`…`body_n`, `tip`, joints `joint_1`…`joint_n` with viscous `damping`.
+    """Write bodies `base`, `body_1`…`body_n`, `tip` and joints `joint_1`…`joint_n` with viscous `damping`.
 
     A joint that also extends has a slide `joint_k_extension` behind its ball. A ball joint of MuJoCo has one stiffness:
-    the mean of the law's three. The chain does not collide with itself. Its inputs are actuators of their names without
-    a force of their own, which the module `<name>_law.py` reads. Laws without a scalar form get no module.
+    the mean of the law's three. The chain does not collide with itself. Its inputs are actuators of the same names that
+    apply no force; the module `<name>_law.py` reads them. Laws without a scalar form get no module.
     """
     at_rest, surfaces = stiffness_at_rest(chain), SurfaceFiles(path)
     module = path.with_name(f"{identifier(path.stem)}_law.py")
@@ -67,9 +74,10 @@ def write_mjcf(
                 SubElement(assets, "mesh", name=surface.stem, file=file, inertia="shell")
 
     bodies = add_chain(SubElement(root, "worldbody"), chain)
+    add_base_inertia(bodies[0], chain)
     for number, body in enumerate(bodies):
-        add(body, shapes_of(looks, number), group=SEEN, contype="0", conaffinity="0")
-        add(body, shapes_of(chain, number), group=TOUCHED, contype="1", conaffinity="0")
+        add(body, body_shapes(looks, number), group=SEEN, contype="0", conaffinity="0")
+        add(body, body_shapes(chain, number), group=TOUCHED, contype="1", conaffinity="0")
     for number, (body, stiffness) in enumerate(zip(bodies[1:], at_rest, strict=True), start=1):
         name_joints(body, f"joint_{number}", stiffness, damping)
     add_sites(bodies)
@@ -84,7 +92,7 @@ def write_mjcf(
 
 
 def name_joints(body: Element, name: str, stiffness: Array, damping: float) -> None:
-    """Name, stiffness at rest (a, a) and damping of a body's joint; of its slide too where it has one beside."""
+    """Set name, stiffness at rest (a, a) and damping of a body's joint and of its slide if it has one."""
     joint, *slides = body.findall("joint")
     turns = np.diag(stiffness)[: len(stiffness) - len(slides)]
     for one, ending, value in (
@@ -97,7 +105,7 @@ def name_joints(body: Element, name: str, stiffness: Array, damping: float) -> N
 
 
 def add_sites(bodies: Sequence[Element], prefix: str = "") -> None:
-    """Sites `base`, `marker_1`…`marker_n` at the joints, `tip`."""
+    """Add sites `base`, `marker_1`…`marker_n` at the joints, `tip`."""
     for number, body in enumerate(bodies):
         SubElement(body, "site", name=f"{prefix}marker_{number}" if number else f"{prefix}base", size=SITE_M)
     tip = bodies[-1].find("body")
@@ -106,7 +114,7 @@ def add_sites(bodies: Sequence[Element], prefix: str = "") -> None:
 
 
 def add_inputs(actuator: Element, chain: ChainModel, prefix: str = "") -> None:
-    """One actuator for each input, without a force; its range is where all laws have data, and limits nothing."""
+    """Add one actuator without force for each input; its range, where all laws have data, is no limit."""
     for name in dict.fromkeys(one.input for one in chain.actuators):
         added = SubElement(
             actuator, "general", name=prefix + name, site=f"{prefix}tip", gainprm="0", biastype="none"
@@ -118,7 +126,7 @@ def add_inputs(actuator: Element, chain: ChainModel, prefix: str = "") -> None:
 
 
 def add_sensors(sensor: Element, chain: ChainModel, prefix: str = "") -> None:
-    """The tip's place and attitude, every joint's coordinate and rate."""
+    """Add sensors of the tip's position and attitude and of every joint's coordinate and rate."""
     SubElement(sensor, "framepos", name=f"{prefix}tip_position", objtype="site", objname=f"{prefix}tip")
     SubElement(sensor, "framequat", name=f"{prefix}tip_attitude", objtype="site", objname=f"{prefix}tip")
     ball, *slides = JOINT_TYPES[chain.laws[0].joint]

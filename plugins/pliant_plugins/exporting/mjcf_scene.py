@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree.ElementTree import Comment, Element, SubElement, fromstring, indent, tostring
 
-from pliant.exporting.written_law import has_form, identifier
 from pliant.records.scene import Arm, Scene
+from pliant_export.written_law import has_form, identifier
 from pliant_plugins.exporting.content import stiffness_at_rest
 from pliant_plugins.exporting.mjcf import (
     IN_MODULE,
@@ -21,12 +21,12 @@ from pliant_plugins.exporting.mujoco_module import DrivenArm, module_text
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_KG, scene_mjcf
 
-# In a step the carriage comes to within one part in so many of the velocity that it is given.
+# After one step the carriage's velocity deviates from the prescribed one by about one part in STIFF.
 STIFF = 1e3
 
 
 def write_scene(scene: Scene, path: Path, config: MujocoConfig) -> tuple[Path, ...]:
-    """The scene at rest, and the module `<name>_law.py` where its laws have a form that other languages can take.
+    """Write the scene at rest, and the module `<name>_law.py` if its laws have an exportable form.
 
     Names of arm k begin with `arm_k_`: bodies, joints, sites, sensors and one actuator for each input, such as
     `arm_0_pressure_pa`. The actuators `carriage_x`, `carriage_y`, `carriage_z` take the carriage's velocity, m/s.
@@ -65,7 +65,7 @@ def write_scene(scene: Scene, path: Path, config: MujocoConfig) -> tuple[Path, .
 
 
 def _add_arm(root: Element, arm: Arm, prefix: str, damping: float) -> None:
-    """Names, stiffness at rest and damping of an arm's joints; its sites."""
+    """Add names, stiffness at rest and damping of an arm's joints, and its sites."""
     n = arm.chain.n_joints
     names = [f"{prefix}base", *(f"{prefix}body_{k}" for k in range(1, n + 1))]
     bodies = [_found(root, f".//body[@name='{name}']") for name in names]

@@ -1,4 +1,4 @@
-"""The module beside an exported MJCF: the laws as NumPy functions, tables of joints and inputs, and the driver."""
+"""The Python module of an exported MJCF: the laws as NumPy functions, tables of joints and inputs, and the driver."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from pliant.exporting.in_python import NUMPY, function_text, table_text
-from pliant.exporting.written_law import WrittenLaw, written
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.law import EXTENSIBLE_AXES, EXTENSION, JointLaw
+from pliant_export.in_python import NUMPY, function_text, table_text
+from pliant_export.written_law import WrittenLaw, written
 from pliant_plugins.physics.mujoco.mjcf import JOINT_TYPES
+from pliant_plugins.physics.mujoco.mount import ONE_COORDINATE, MountedArm
 
-MARK = "# What the export fills in"
+MARK = "# Filled in by the export"
 BEGIN = "# --- the driver"
 
 
@@ -30,7 +31,7 @@ class DrivenArm:
 
 
 def module_text(arms: Sequence[DrivenArm], mjcf: str) -> str:
-    """The text of the module that drives the arms of the file `mjcf`.
+    """Return the text of the module that drives the arms of the file `mjcf`.
 
     Raises:
         UserError: a law that cannot be written.
@@ -43,6 +44,7 @@ def module_text(arms: Sequence[DrivenArm], mjcf: str) -> str:
     domains = ", ".join(_domain(form) for form in forms)
     lists = [
         f"MJCF = {mjcf!r}",
+        f"START = {_start(arms)!r}",
         f"LAWS = [{', '.join(form.name for form in forms)}]",
         f"TAKES = {[form.m for form in forms]}",
         f"DOMAINS = [{domains}]",
@@ -55,9 +57,25 @@ def module_text(arms: Sequence[DrivenArm], mjcf: str) -> str:
     return head + middle + "\n\n\n" + "\n".join(lists) + "\n\n" + driver
 
 
+def _start(arms: Sequence[DrivenArm]) -> dict[str, dict[str, float]]:
+    """Return the initial state of the arm that carries the robot: joints of one coordinate and commands, by name."""
+    mount = arms[0].chain.mount
+    if mount is None:
+        return {"joints": {}, "ctrl": {}}
+    arm = MountedArm.from_mount(mount)
+    model = arm.model
+    joints = {
+        model.joint(k).name: float(arm.qpos[model.jnt_qposadr[k]])
+        for k in range(model.njnt)
+        if int(model.jnt_type[k]) in ONE_COORDINATE and model.joint(k).name
+    }
+    ctrl = {model.actuator(k).name: float(arm.ctrl[k]) for k in range(model.nu) if model.actuator(k).name}
+    return {"joints": joints, "ctrl": ctrl}
+
+
 def _arm(arm: DrivenArm, laws: Sequence[JointLaw]) -> dict[str, Any]:
     chain = arm.chain
-    a, geometry = len(chain.axes), ChainGeometry.of(chain)
+    a, geometry = len(chain.axes), ChainGeometry.from_chain(chain)
     ball = JOINT_TYPES[geometry.kind][0] == "ball"
     of_joint = [
         (laws.index(chain.laws[joint.law]), _drives(chain, k)) for k, joint in enumerate(chain.joints)
@@ -82,7 +100,7 @@ def _arm(arm: DrivenArm, laws: Sequence[JointLaw]) -> dict[str, Any]:
 
 
 def _drives(chain: ChainModel, joint: int) -> tuple[int, int]:
-    """First and last (exclusive) of the actuators that act on a joint."""
+    """Return first and last (exclusive) of the actuators that act on a joint."""
     own = getattr(chain.joints[joint], "drives", None)
     return own or (0, len(chain.actuators))
 

@@ -1,4 +1,4 @@
-"""A chain as URDF. The format has no stiffness: each joint's stands in a comment, its law in a JSON file beside it.
+"""A chain as URDF. The format has no stiffness: each joint's is written as a comment, its law to a separate JSON file.
 
 Spherical joints are PyBullet's extension of the format.
 """
@@ -11,12 +11,18 @@ from xml.etree.ElementTree import Comment, Element, SubElement
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.exporting.as_json import READER
-from pliant.exporting.law_files import write_laws
-from pliant.exporting.written_law import has_form
 from pliant.records.chain import ChainModel
 from pliant.records.design import MassProperties
-from pliant_plugins.exporting.content import THE_LAW, WITHOUT_FORM, SurfaceFiles, shapes_of, stiffness_at_rest
+from pliant_export.as_json import READER
+from pliant_export.law_files import write_laws
+from pliant_export.written_law import BALL_JOINT, has_form
+from pliant_plugins.exporting.content import (
+    THE_LAW,
+    WITHOUT_FORM,
+    SurfaceFiles,
+    body_shapes,
+    stiffness_at_rest,
+)
 from pliant_plugins.physics.pybullet.urdf import (
     CollisionWriter,
     add_joint,
@@ -26,11 +32,15 @@ from pliant_plugins.physics.pybullet.urdf import (
     chain_tree,
     document,
     floored,
+    moving,
 )
 
 
 def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
-    """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`.
+    """Write links `world`, `base`, `body_1`…`body_n`, `tip`; a fixed joint on `world` has the base's pose.
+
+    A root link has no mass in most programs: that of the piece on the base is a separate link `base_piece`, the last
+    one.
 
     Raises:
         UserError: joints that turn and extend, which URDF does not have.
@@ -44,9 +54,14 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
     collisions = CollisionWriter(surfaces.folder, start=path.parent)
     root = chain_tree(floored(chain), collisions=collisions)
     root.insert(0, Comment(THE_LAW if has_form(chain.laws) else THE_LAW.replace(*WITHOUT_FORM)))
+    if chain.laws[0].joint == "revolute" and len(chain.axes) > 1:
+        root.insert(1, Comment(f" {' '.join(BALL_JOINT)} ".replace("--", "-")))
     add_link(root, "world", MassProperties.none())
     joint = add_joint(root, "base", "fixed", "world", "base")
     add_origin(joint, chain.base_position_m, np.asarray(chain.base_rotation, float))
+    if chain.bodies[0].mass_kg > 0.0:
+        add_link(root, "base_piece", moving(chain.bodies[0]))
+        add_origin(add_joint(root, "base_piece", "fixed", "base", "base_piece"), np.zeros(3), np.eye(3))
     links = {link.get("name"): link for link in root.iter("link")}
     for body in range(chain.n_joints + 1):
         name = f"body_{body}" if body else "base"
@@ -67,7 +82,7 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
 
 
 def _dress(link: Element, looks: ChainModel | None, body: int, surfaces: SurfaceFiles, start: Path) -> None:
-    for shape in shapes_of(looks, body):
+    for shape in body_shapes(looks, body):
         visual = SubElement(link, "visual")
         add_origin(visual, shape.position_m, shape.rotation)
         geometry = SubElement(visual, "geometry")

@@ -46,7 +46,7 @@ class Forest:
         self._zero: list[int] = []
 
     def join(self, first: IntArray, second: IntArray, sign: float) -> None:
-        """v(second) = sign · v(first), pairwise."""
+        """Impose v(second) = sign · v(first), pairwise."""
         for a, b in zip(first.tolist(), second.tolist(), strict=True):
             (i, of_a), (j, of_b) = self._find(a), self._find(b)
             if i != j:
@@ -55,11 +55,11 @@ class Forest:
                 self._zero.append(a)
 
     def fix(self, displacements: IntArray) -> None:
-        """v = 0."""
+        """Impose v = 0."""
         self._zero += displacements.tolist()
 
     def constraints(self) -> Constraints:
-        """The map that all of it comes to."""
+        """Return the map that results from all ties and fixed unknowns."""
         size = len(self._parent)
         for i in np.flatnonzero(self._parent != np.arange(size)).tolist():
             self._find(i)
@@ -71,7 +71,7 @@ class Forest:
         return Constraints(number[self._parent], self._sign, free)
 
     def _find(self, i: int) -> tuple[int, float]:
-        """The root of i and i's sign relative to it."""
+        """Return the root of i and i's sign relative to it."""
         path = []
         while self._parent[i] != i:
             path.append(i)

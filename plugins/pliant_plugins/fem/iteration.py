@@ -20,8 +20,8 @@ Trial = TypeVar("Trial")
 Step = TypeVar("Step")
 State = TypeVar("State")
 
-ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
-CHORD = 0.02  # strain of a correction after which the factorised matrix is worth another try
+ON_THE_WAY = 1e-3  # strain below which an intermediate step is accurate enough to continue from
+CHORD = 0.02  # strain of a correction below which the factorised matrix is used once more
 MOST_CHORDS = 5  # about as many cost a factorisation
 SHRINK = 0.15  # share of the one before that a chord step may be
 
@@ -61,31 +61,31 @@ class Iteration(ABC, Generic[Trial, Step]):
 
     @abstractmethod
     def correction(self, point: Trial) -> Step:
-        """Newton's step at a point. Raises `SingularMatrixError`."""
+        """Return Newton's step at a point. Raises `SingularMatrixError`."""
 
     def again(self, point: Trial) -> Step | None:
-        """A step at a point from the matrix of the last `correction`; None where that is not kept."""
+        """Return a step at a point with the matrix of the last `correction`; None if that is not kept."""
         return None
 
     @abstractmethod
     def work(self, point: Trial, step: Step) -> float:
-        """Work (J) of the point's residual along a step, ≥ 0."""
+        """Return the work (J) of the point's residual along a step, ≥ 0."""
 
     @abstractmethod
     def moved(self, point: Trial, step: Step, length: float) -> Trial | None:
-        """The point after a share of a step; None where a cell is inverted."""
+        """Return the point after a share of a step; None if a cell is inverted."""
 
     def converged(
         self, point: Trial | None, tolerance: Tolerance, final: bool, patient: bool
     ) -> tuple[Trial, int]:
-        """The equilibrium that a predicted point leads to, and the corrections that it took.
+        """Iterate from a predicted point to equilibrium; return it and the number of corrections.
 
-        A step that is not `final` ends near equilibrium. Unless `patient`, a load step is given up at once where the
-        predictor leaves much to correct.
+        A step that is not `final` ends near equilibrium. Unless `patient`, a load step is given up immediately if the
+        predictor leaves a large correction.
 
         Raises:
-            DivergedError: there is none within the iterations.
-            SingularMatrixError: the stiffness on the way.
+            DivergedError: no equilibrium was found within the iterations.
+            SingularMatrixError: the stiffness is singular at an iterate.
         """
         enough = tolerance.strain**2 * tolerance.unit_j
         enough = enough if final else max(enough, ON_THE_WAY**2 * tolerance.unit_j)
@@ -110,7 +110,7 @@ class Iteration(ABC, Generic[Trial, Step]):
         raise DivergedError(f"no convergence in {tolerance.max_iterations} Newton steps")
 
     def _by_chords(self, point: Trial, before: float, unit: float, enough: float) -> tuple[Trial, int, bool]:
-        """Chord steps after a correction that worked `before`: the point, how many there were, whether it is done.
+        """Take chord steps after a correction that worked `before`; return the point, their number and success.
 
         It is when a step is small `enough` and what it leaves, itself times its share of the step before, is as small
         as what a step of Newton's that is small enough would leave, its square.
@@ -132,7 +132,7 @@ class Iteration(ABC, Generic[Trial, Step]):
         return point, count, False
 
     def _searched(self, point: Trial, step: Step, work: float, tolerance: Tolerance) -> Trial:
-        """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
+        """Return the first of 1, ½, ¼ … of the step after which the residual works less along it."""
         length = 1.0
         while length >= tolerance.shortest:
             trial = self.moved(point, step, length)
@@ -153,7 +153,7 @@ def in_load_steps(
         max_halvings: how often a load step may be halved.
 
     Raises:
-        DivergedError: the smallest step failed; says how far it came.
+        DivergedError: the smallest step failed; the message states the share reached.
     """
     here, reached, length, count = start, 0.0, 1.0, 0
     smallest = 0.5**max_halvings

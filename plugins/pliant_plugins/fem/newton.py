@@ -32,7 +32,7 @@ LEAP = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Control:
-    """What is prescribed.
+    """The prescribed quantities.
 
     Attributes:
         actuation: Pa or N, (m,) of several.
@@ -93,14 +93,14 @@ class Reduced:
     actuation: Array  # b (G,), (G, m) of several actuations
 
     @staticmethod
-    def of(solved: Array, full: Array, globals_: int) -> Reduced:
-        """From Z and the condensed columns (G, 1 + G + m): residual, stiffness, works."""
+    def from_condensed(solved: Array, full: Array, globals_: int) -> Reduced:
+        """Reduce from Z and the condensed columns (G, 1 + G + m): residual, stiffness, works."""
         b = full[:, 1 + globals_ :]
         b = b[:, 0] if b.shape[1] == 1 else b
         return Reduced(solved, full[:, 1 : 1 + globals_], full[:, 0], b)
 
     def slopes(self, axes: tuple[int, ...]) -> tuple[Array, Array]:
-        """(∂M/∂a (k,) or (k, m), ∂M/∂q (k, k)) of efforts M that oppose the globals `axes`, others at equilibrium."""
+        """Return ∂M/∂a (k,) or (k, m), ∂M/∂q (k, k) of efforts M against the globals `axes`, others at equilibrium."""
         S, b, joint = self.stiffness, self.actuation, np.array(axes)
         others = np.setdiff1d(np.arange(len(b)), joint)
         lever = np.asarray(np.linalg.solve(S[np.ix_(others, others)], S[np.ix_(others, joint)]), float)
@@ -116,19 +116,19 @@ class FemSystem(Protocol):
         """Number G of the globals."""
 
     def evaluate(self, x: Array, actuation: Levels) -> PathPoint[Any] | None:
-        """U and W at x; None where a cell is inverted."""
+        """Return U and W at x; None if a cell is inverted."""
 
     def reduce(self, point: PathPoint[Any]) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
 
     def again(self, point: PathPoint[Any]) -> tuple[Array, Array]:
-        """(r_v, K⁻¹ r_v) of a point with the matrix that was factorised last."""
+        """Return (r_v, K⁻¹ r_v) of a point with the last factorised matrix."""
 
     def step(self, inner: Array, globals_: Array) -> Array:
-        """The change of x that belongs to one of the unknowns and the globals."""
+        """Return the change of x for one of the unknowns and the globals."""
 
     def work(self, point: PathPoint[Any], step: tuple[Array, Array], control: Control) -> float:
-        """Work (J) of the residual along a step under a control, ≥ 0."""
+        """Return the work (J) of the residual along a step under a control, ≥ 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,20 +142,20 @@ class FemEquilibrium:
 
 @dataclass(frozen=True, eq=False)
 class Newton:
-    """Solves equilibria of one module under control of actuation and joint axes."""
+    """Newton's method for equilibria of one module under control of actuation and joint axes."""
 
     system: FemSystem
     tolerance: Tolerance
 
     def at(self, x: Array, actuation: Levels) -> FemEquilibrium:
-        """The system at x, which the caller knows to be an equilibrium."""
+        """Return the system at x, which the caller knows to be an equilibrium."""
         point = self.system.evaluate(x, actuation)
         if point is None:
             raise DivergedError("the state to start from has inverted cells")
         return FemEquilibrium(point, self.system.reduce(point), 0)
 
     def at_once(self, target: Control, expected: Array) -> FemEquilibrium | None:
-        """Equilibrium at `target` from the x that is expected there; None where that is too far from it."""
+        """Solve for equilibrium at `target` from the expected x; None if that is too far from it."""
         way = _ToControl(self.system, target)
         tolerance = replace(self.tolerance, too_long=LEAP * self.tolerance.too_long)
         try:
@@ -166,7 +166,7 @@ class Newton:
             return None
 
     def advance(self, start: FemEquilibrium, target: Control) -> FemEquilibrium:
-        """Equilibrium at `target`, in load steps along the way from `start`. Raises `DivergedError`."""
+        """Solve for equilibrium at `target`, in load steps from `start`. Raises `DivergedError`."""
         first, G = start.point, self.system.count
         globals_, efforts = first.x[-G:], -first.residual[-G:]
 
@@ -201,7 +201,7 @@ class _ToControl(Iteration[PathPoint[Any], tuple[Array, Array]]):
         return self.tangent(point, self.last[0])
 
     def again(self, point: PathPoint[Any]) -> tuple[Array, Array] | None:
-        """K is symmetric, so that Π_qv K⁻¹ r_v = Z_qᵀ r_v."""
+        """Solve again; K is symmetric, so that Π_qv K⁻¹ r_v = Z_qᵀ r_v."""
         G, (known,) = self.system.count, self.last
         right, solved = self.system.again(point)
         Z = np.column_stack([solved, known.solved[:, 1:]])
@@ -209,7 +209,7 @@ class _ToControl(Iteration[PathPoint[Any], tuple[Array, Array]]):
         return self.tangent(point, replace(known, solved=Z, residual=left))
 
     def tangent(self, point: PathPoint[Any], reduced: Reduced) -> tuple[Array, Array]:
-        """Newton's step: actuation, held globals and all else move together, so that no part is left behind."""
+        """Return Newton's step of actuation, prescribed globals and all other unknowns together."""
         control, G = self.target, self.system.count
         rise, held, free = control.actuation - point.actuation, control.held, ~control.held
         change = np.zeros(G)
@@ -231,5 +231,5 @@ class _ToControl(Iteration[PathPoint[Any], tuple[Array, Array]]):
 
 
 def times(slopes: Array, change: Levels) -> Array:
-    """Slopes by the actuation, (…) or (…, m), times its change, a number or (m,)."""
+    """Return slopes by the actuation, (…) or (…, m), times its change, a number or (m,)."""
     return np.asarray(slopes * change if np.ndim(change) == 0 else slopes @ change)

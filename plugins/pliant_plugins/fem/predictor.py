@@ -6,7 +6,7 @@ globals of the axes), x the unknowns and f the efforts. A known equilibrium give
 about the tangent plane of the very nearest (Hermite interpolation: Wendland, Scattered Data Approximation, 2005,
 ch. 16). Axes that are free are where the interpolated efforts on them vanish.
 
-This is where Newton's method begins, no more: what it ends at does not depend on it beyond its tolerance.
+The prediction is only the start of Newton's method, whose result does not depend on it beyond the tolerance.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NEIGHBOURS = 8  # known equilibria that are interpolated, for each component of 
 LENGTH = 1.0  # of the kernel, by what is covered along each component
 NUGGET = 1e-10  # of the kernel's diagonal
 ITERATIONS = 8  # for the axes that are free
-CLOSE = 1e-4  # of what is covered: how well these are known
+CLOSE = 1e-4  # of the covered range: uncertainty of these
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ class Anchor:
     effort_by_z: Array
 
     @staticmethod
-    def of(system: FemSystem, known: FemEquilibrium, places: tuple[int, ...]) -> Anchor:
-        """Of an equilibrium at which efforts act on the globals at `places` alone."""
+    def from_equilibrium(system: FemSystem, known: FemEquilibrium, places: tuple[int, ...]) -> Anchor:
+        """Linearise at an equilibrium at which efforts act on the globals at `places` alone."""
         point, reduced, G = known.point, known.reduced, system.count
         S, b = reduced.stiffness, reduced.actuation.reshape(G, -1)
         axes, others = np.array(places), np.setdiff1d(np.arange(G), places)
@@ -74,7 +74,7 @@ class Anchor:
 def expected(
     known: Array, anchor: Callable[[int], Anchor], target: Control, places: tuple[int, ...]
 ) -> Array | None:
-    """x (n,) where the equilibrium under a control is expected; None where less than two are known.
+    """Return x (n,) expected at the equilibrium under a control; None if fewer than two are known.
 
     `known` (N, d) are the z of the known equilibria, `anchor` gives the i-th of them.
     """
@@ -84,12 +84,12 @@ def expected(
     given = np.concatenate([np.ones(len(levels), bool), target.held[axes]])
     z = np.concatenate([levels, target.goal[axes]])
     width = np.ptp(np.vstack([known, np.where(given, z, known[0])]), axis=0)
-    # what never moved says nothing
+    # components that never moved carry no information
     moved = width > 0
     scale = np.where(moved, width, 1.0)
     apart = np.where(given, (known - z) / scale, 0.0)
     order = np.argsort(np.sum(apart**2, axis=1), kind="stable")
-    patch = _Patch.of([anchor(int(i)) for i in order[: NEIGHBOURS * len(z)]], scale, moved)
+    patch = _Patch.from_anchors([anchor(int(i)) for i in order[: NEIGHBOURS * len(z)]], scale, moved)
     free = np.flatnonzero(~given)
     if len(free):
         found = patch.released(z, free, free - len(levels), target.effort[axes])
@@ -109,18 +109,18 @@ class _Patch:
     factors: tuple[Array, IntArray]
 
     @staticmethod
-    def of(near: list[Anchor], scale: Array, moved: Array) -> _Patch:
+    def from_anchors(near: list[Anchor], scale: Array, moved: Array) -> _Patch:
         z = np.array([anchor.z for anchor in near])[:, moved] / scale[moved]
         matrix = _kernel(z, z)
         return _Patch(near, scale, moved, lu_factor(matrix + NUGGET * np.diag(np.diag(matrix))))
 
     def at(self, z: Array, what: Literal["x", "effort"] = "x") -> Array:
-        """x (n,) or f (k,)."""
+        """Return x (n,) or f (k,)."""
         first, weights = self.near[0], self._weights(z)
         by_slope = np.zeros((len(self.near), len(z)))
         by_slope[:, self.moved] = weights[:, 1:] * self.scale[self.moved]
         values = weights[:, 0]
-        # about the plane of the first: what the weights make of that plane is taken off
+        # about the plane of the first: the weights' contribution to that plane is subtracted
         along = z - first.z - values @ (self._known - first.z) - by_slope.sum(axis=0)
         total = (1 - values.sum()) * getattr(first, what) + getattr(first, f"{what}_by_z") @ along
         for anchor, value, slope in zip(self.near, values, by_slope, strict=True):
@@ -134,7 +134,7 @@ class _Patch:
         return np.array([anchor.z for anchor in self.near])
 
     def released(self, z: Array, free: IntArray, axes: IntArray, effort: Array) -> Array | None:
-        """z with the components `free`, of the axes `axes`, where these bear `effort`; None if that is not found."""
+        """Return z with free components of the axes `axes` under `effort`; None if that is not found."""
         z = z.copy()
         z[free] = self.near[0].z[free]
         for _ in range(ITERATIONS):
@@ -151,14 +151,14 @@ class _Patch:
         return None
 
     def _weights(self, z: Array) -> Array:
-        """(N, 1 + d') of the anchors' values and of their scaled slopes, d' being the components that moved."""
+        """Return (N, 1 + d') of the anchors' values and of their scaled slopes, d' being the components that moved."""
         at = self._known[:, self.moved] / self.scale[self.moved]
         row = _kernel((z[self.moved] / self.scale[self.moved])[None], at)[0]
         return np.asarray(lu_solve(self.factors, row)).reshape(len(self.near), -1)
 
 
 def _kernel(a: Array, b: Array) -> Array:
-    """(M (1 + d), N (1 + d)) Gaussian kernel of places a (M, d) and b (N, d), with its slopes by both."""
+    """Return (M (1 + d), N (1 + d)) Gaussian kernel of places a (M, d) and b (N, d), with its slopes by both."""
     d = a.shape[1]
     apart = (a[:, None] - b[None]) / LENGTH
     value = np.exp(-0.5 * np.sum(apart**2, axis=-1))[..., None]

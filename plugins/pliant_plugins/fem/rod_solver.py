@@ -1,4 +1,4 @@
-"""States of one module in the rod frame, whichever code solves them: what is remembered, controlled and reported."""
+"""States of one module in the rod frame, independent of the FEM code: caching, control and reports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
 from pliant.mechanics.rotations import exp_map, left_jacobian
-from pliant.records.actuation import Levels, kind_of
+from pliant.records.actuation import Levels, actuation_kind
 from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT, TOUCHING, FemState, ModuleProblem
 from pliant_plugins.fem.iteration import DivergedError, SingularMatrixError
@@ -22,12 +22,12 @@ from pliant_plugins.fem.newton import Control, FemEquilibrium, Newton
 from pliant_plugins.fem.predictor import Anchor, expected
 
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
-# Of a solver with contact: nothing touches, walls that touch hold each other, they have gone too far into each other.
+# Of a solver with contact: no contact, walls in equilibrium contact, walls with too deep a penetration.
 Touch = Literal["free", "solved", "deep"]
 
 
 class RodSolver(ModuleSolver):
-    """Goes from state to state with `Newton`, whose last equilibria are kept factorised.
+    """A solver that continues from state to state with `Newton` and caches the last factorised equilibria.
 
     A start among these costs nothing. Convolutions that meet are reported, not resolved, unless the code has contact
     (`_touching`).
@@ -39,14 +39,14 @@ class RodSolver(ModuleSolver):
     def __init__(
         self, problem: ModuleProblem, newton: Newton, places: tuple[int, ...], scales: tuple[float, ...]
     ) -> None:
-        """The module's coordinates are u = scale · q, of the globals q at `places`, axis by axis."""
+        """Set up a solver for the module's coordinates u = scale · q, of the globals q at `places`, axis by axis."""
         self.problem, self.newton = problem, newton
         self._places, self._scales = places, np.array(scales)
         self._known: deque[FemEquilibrium] = deque(maxlen=self.remembered)
         self._learnt: deque[tuple[Array, FemState | Anchor]] = deque(maxlen=self.most_anchors)
 
     def rest(self) -> FemState:
-        """The undeformed state with its slopes."""
+        """Return the undeformed state with its slopes."""
         begun = time.perf_counter()
         return self._state(self._at(self._undeformed(), self._unactuated), (), begun)
 
@@ -56,14 +56,14 @@ class RodSolver(ModuleSolver):
         return 0.0 if m == 1 else np.zeros(m)
 
     def free(self, actuation: Levels, start: FemState) -> FemState:
-        """Equilibrium at `actuation` (Pa or N) without external effort.
+        """Solve for equilibrium at `actuation` (Pa or N) without external effort.
 
         From a constrained start the external effort is released along with the change of actuation.
         """
         return self._solve(actuation, {}, start)
 
     def constrained(self, actuation: Levels, held: Held, start: FemState) -> FemState:
-        """Equilibrium at `actuation` (Pa or N) with some of the module's coordinates held, rad or m."""
+        """Solve for equilibrium at `actuation` (Pa or N) with prescribed coordinates, rad or m."""
         named = held if isinstance(held, Mapping) else {self.problem.main_axis: held}
         for axis in named:
             if axis not in self.problem.axes:
@@ -72,7 +72,7 @@ class RodSolver(ModuleSolver):
         return self._solve(actuation, {axis: float(value) for axis, value in named.items()}, start)
 
     def learn(self, state: FemState) -> None:
-        """The states so told, in their order, foretell where the next ones are."""
+        """Add a converged state; the states added predict the next ones, in their order."""
         if state.solution.shape == self._undeformed().shape:
             known = self._remembered(state.solution, state.actuation)
             G = self.newton.system.count
@@ -80,10 +80,10 @@ class RodSolver(ModuleSolver):
             self._learnt.append((z, state if known is None else self._anchor(known)))
 
     def _anchor(self, known: FemEquilibrium) -> Anchor:
-        return Anchor.of(self.newton.system, known, self._places)
+        return Anchor.from_equilibrium(self.newton.system, known, self._places)
 
     def _expected(self, target: Control) -> Array | None:
-        """x at a control, from what was learnt; states of another process are factorised when they are needed."""
+        """Predict x at a control from learned states; those of other processes are factorised on demand."""
 
         def anchor(i: int) -> Anchor:
             z, one = self._learnt[i]
@@ -121,7 +121,7 @@ class RodSolver(ModuleSolver):
         return self._state(equilibrium, tuple(held), begun)
 
     def _as_levels(self, actuation: Levels) -> Levels:
-        """A number, or (m,) floats. Raises `UserError` for another number of them than the module has."""
+        """Return a number, or (m,) floats. Raises `UserError` for a wrong number of values."""
         names = self.problem.actuations
         given = 1 if np.ndim(actuation) == 0 else len(actuation)
         if given != len(names):
@@ -132,9 +132,9 @@ class RodSolver(ModuleSolver):
         return actuation if len(names) == 1 else np.array(actuation, float)
 
     def _driven(self, actuation: Levels) -> str:
-        """ "12000 Pa", of several "12000 Pa, 0 Pa"."""
+        """Return "12000 Pa", of several "12000 Pa, 0 Pa"."""
         values = zip(self.problem.actuations, np.atleast_1d(actuation).tolist(), strict=True)
-        return ", ".join(f"{value:.6g} {kind_of(name).unit}" for name, value in values)
+        return ", ".join(f"{value:.6g} {actuation_kind(name).unit}" for name, value in values)
 
     def _named(self, held: Mapping[str, float]) -> str:
         unit = "m" if self.problem.joint == "prismatic" else "rad"
@@ -142,7 +142,7 @@ class RodSolver(ModuleSolver):
         return f" and {values}" if held else ""
 
     def _check(self, x: Array) -> None:
-        """Raises `UserError` for the unknowns of another module."""
+        """Raise `UserError` for the unknowns of another module."""
         count = len(self._undeformed())
         if x.shape != (count,):
             raise UserError(
@@ -151,7 +151,7 @@ class RodSolver(ModuleSolver):
             )
 
     def _at(self, x: Array, actuation: Levels) -> FemEquilibrium:
-        """The equilibrium at x, factorised anew unless it is remembered."""
+        """Return the equilibrium at x, factorised again unless it is cached."""
         self._check(x)
         equilibrium = self._remembered(x, actuation)
         if equilibrium is None:
@@ -166,7 +166,7 @@ class RodSolver(ModuleSolver):
         return None
 
     def _status(self, x: Array) -> str:
-        """What walls and rigid parts do at x."""
+        """Return the contact status of walls and rigid parts at x."""
         problem, touching = self.problem, self._touching(x)
         if problem.contact_range is not None and (touching is None or not problem.stops):
             low, high = problem.contact_range
@@ -177,11 +177,11 @@ class RodSolver(ModuleSolver):
         return {"free": "ok", "solved": TOUCHING, "deep": SELF_CONTACT}[touching]
 
     def _touching(self, x: Array) -> Touch | None:
-        """What walls do in a code that solves contact, None in one that does not."""
+        """Return the contact state of walls; None in a code that does not solve contact."""
         return None
 
     def _overlaps(self, x: Array) -> bool:
-        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
+        """Return whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
         problem = self.problem
         strain = self._frame(x)[1]
         s = self._section(x)[np.unique(problem.mesh.skin), 0]
@@ -189,9 +189,9 @@ class RodSolver(ModuleSolver):
         return any(beyond[plane] > OVERLAP * problem.span_m for plane in problem.contact_planes)
 
     def _state(self, equilibrium: FemEquilibrium, held: tuple[str, ...], begun: float) -> FemState:
-        """Piece to module: u = c q, Π_module = E Π_piece, hence τ = −(E/c) ∂Π_piece/∂q.
+        """Convert piece to module: u = c q, Π_module = E Π_piece, hence τ = −(E/c) ∂Π_piece/∂q.
 
-        `begun` is the clock's time at which the state was asked for.
+        `begun` is the clock's time of the request.
         """
         point, energy, scales = equilibrium.point, self.problem.energy_scale, self._scales
         by_actuation, by_axes = equilibrium.reduced.slopes(self._places)
@@ -221,30 +221,30 @@ class RodSolver(ModuleSolver):
         return point.travel
 
     def _coordinates(self, x: Array) -> Array:
-        """u of the module by axis, (k,)."""
+        """Return u of the module by axis, (k,)."""
         return np.asarray(self._scales * x[-self.newton.system.count :][list(self._places)])
 
     def deformed_nodes(self, state: FemState) -> Array:
-        """(n, 3) node positions in m; the start section stays at rest."""
+        """Return (n, 3) node positions in m; the start section stays at rest."""
         turn, strain = self._frame(state.solution)
         k = turn / ((1 + strain) * self.problem.span_m)
         return placed(self._section(state.solution), k, self.problem.reference_z_m)
 
     @abstractmethod
     def _undeformed(self) -> Array:
-        """(n,) the unknowns x of the undeformed rod."""
+        """Return (n,) the unknowns x of the undeformed rod."""
 
     @abstractmethod
     def _frame(self, x: Array) -> tuple[Array, float]:
-        """Θ (3,) of the piece and e."""
+        """Return Θ (3,) of the piece and e."""
 
     @abstractmethod
     def _section(self, x: Array) -> Array:
-        """Section coordinates (n, 3) of the mesh's nodes: s₁ and y, z."""
+        """Return section coordinates (n, 3) of the mesh's nodes: s₁ and y, z."""
 
 
 def placed(section: Array, k: Array, reference_z_m: float) -> Array:
-    """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); the section s = 0 stays at rest.
+    """Return positions (n, 3) in space of section coordinates (s, y, z) (n, 3); the section s = 0 stays at rest.
 
     R(s) = exp(s [k]×) and r(s) = ∫ R e₁ ds = s J(s k) e₁, with J the left Jacobian of the rotation.
     """
@@ -258,7 +258,7 @@ def placed(section: Array, k: Array, reference_z_m: float) -> Array:
 
 
 def field_values(F: Array, stress: Array, energy: Array, volume_ratio: Array) -> dict[str, Array]:
-    """Fields of `ModuleFields` at points, from F, the Cauchy stress (…, 3, 3), W and the volume ratio (…)."""
+    """Return fields of `ModuleFields` at points, from F, the Cauchy stress (…, 3, 3), W and the volume ratio (…)."""
     mean = np.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * np.eye(3)
     return {

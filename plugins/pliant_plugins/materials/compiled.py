@@ -9,7 +9,7 @@ from pliant.records.design import Array
 
 @njit(cache=True)
 def cofactors(F: Array, J: Array, G: Array) -> None:
-    """J = det F and G = F⁻ᵀ of F (n, 9), into J (n,) and G (n, 9)."""
+    """Fill J = det F (n,) and G = F⁻ᵀ (n, 9) of F (n, 9)."""
     for p in range(len(F)):
         f, g = F[p], G[p]
         g[0], g[1], g[2] = f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6]
@@ -25,7 +25,7 @@ def cofactors(F: Array, J: Array, G: Array) -> None:
 def neo_hookean(
     F: Array, J: Array, G: Array, mu: float, K: float, energy: Array, stress: Array, tangent: Array
 ) -> None:
-    """W (n,), P (n, 9) and A (n, 9, 9) of F (n, 9), with its J and G; formulas: `neo_hookean`."""
+    """Fill W (n,), P (n, 9) and A (n, 9, 9) of F (n, 9), with its J and G; formulas: `neo_hookean`."""
     for p in range(len(F)):
         f, g, j, A = F[p], G[p], J[p], tangent[p]
         I1 = 0.0

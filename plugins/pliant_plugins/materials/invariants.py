@@ -26,7 +26,7 @@ from pliant.records.design import Array
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """w (...,) in J/m³ and its slopes by the invariants; w2 is None for a law of Ī₁ alone, w11 where w is linear.
+    """w (...,) in J/m³ and its derivatives by the invariants; w2=None for a law of Ī₁ alone, w11=None for a linear w.
 
     Laws whose ∂²w/∂Ī₁∂Ī₂ or ∂²w/∂Ī₂² differ from zero are not covered.
     """
@@ -38,7 +38,7 @@ class Slopes:
 
 
 def invariants(F: Array, second: bool = False) -> tuple[Array, Array, Array | None]:
-    """J, Ī₁ and, if wanted, Ī₂ of F (..., 3, 3)."""
+    """Return J, Ī₁ and, if wanted, Ī₂ of F (..., 3, 3)."""
     J = np.linalg.det(F)
     I1 = np.einsum("...ij,...ij->...", F, F)
     if not second:
@@ -48,7 +48,7 @@ def invariants(F: Array, second: bool = False) -> tuple[Array, Array, Array | No
 
 
 def response(F: Array, J: Array, I1_bar: Array, I2_bar: Array | None, w: Slopes, K: float) -> Hyperelastic:
-    """W, P and A of a law at F (..., 3, 3), from its invariants and slopes there and the bulk modulus K."""
+    """Return W, P and A of a law at F (..., 3, 3), from its invariants and slopes there and the bulk modulus K."""
     points = J.shape
     G = np.swapaxes(np.linalg.inv(F), -1, -2)
     f, g = F.reshape(*points, 9), G.reshape(*points, 9)
@@ -95,5 +95,5 @@ def response(F: Array, J: Array, I1_bar: Array, I2_bar: Array | None, w: Slopes,
 
 
 def _times(scalar: Array, vector: Array) -> Array:
-    """Scalars (...,) times vectors (..., 9)."""
+    """Return scalars (...,) times vectors (..., 9)."""
     return np.asarray(scalar[..., None] * vector)

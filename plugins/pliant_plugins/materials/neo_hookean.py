@@ -10,6 +10,7 @@ Source: Holzapfel, Nonlinear Solid Mechanics (2000), §6.4 and §6.5 (isochoric 
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -22,7 +23,7 @@ from pliant_plugins.materials.rubber import Rubber, RubberConfig
 
 
 class NeoHookeanConfig(RubberConfig):
-    """Shear modulus μ and Poisson's ratio ν; 0.49 stands for nearly incompressible rubber."""
+    """Shear modulus μ and Poisson's ratio ν; 0.49, the default, is softer in volume than rubber, 0.4995 the largest."""
 
     kind: Literal["neo_hookean"] = "neo_hookean"
     shear_modulus_pa: Pressure = Field(gt=0, description="μ at small strain")
@@ -33,19 +34,19 @@ class NeoHookean(Rubber):
 
     config: NeoHookeanConfig
 
-    @property
+    @cached_property
     def shear_modulus_pa(self) -> float:
         return self.config.shear_modulus_pa
 
     def energy(self, F: Array) -> Array:
-        """W in J/m³, shape (...,), of F (..., 3, 3) with det F > 0."""
+        """Return W in J/m³, shape (...,), of F (..., 3, 3) with det F > 0."""
         mu, K = self.shear_modulus_pa, self.bulk_modulus_pa
         J = np.linalg.det(F)
         I1 = np.einsum("...ij,...ij->...", F, F)
         return np.asarray(mu / 2 * (J ** (-2 / 3) * I1 - 3) + K / 2 * (J - 1) ** 2)
 
     def evaluate(self, F: Array) -> Hyperelastic:
-        """W, P = ∂W/∂F and A = ∂P/∂F of F (..., 3, 3) with det F > 0.
+        """Return W, P = ∂W/∂F and A = ∂P/∂F of F (..., 3, 3) with det F > 0.
 
         With G = F⁻ᵀ, ∂J/∂F = J G and ∂G_ij/∂F_kl = −G_il G_kj:
         A = μ̄ (δ_ik δ_jl − 2/3 (F_ij G_kl + G_ij F_kl) + 2/9 I₁ G_ij G_kl + I₁/3 G_il G_kj)

@@ -55,8 +55,8 @@ class Spectrum:
     J: Array
 
     @staticmethod
-    def of(F: Array) -> Spectrum:
-        """The spectrum of F (..., 3, 3) with det F > 0."""
+    def from_gradient(F: Array) -> Spectrum:
+        """Return the spectrum of F (..., 3, 3) with det F > 0."""
         left, stretches, right = np.linalg.svd(F)
         return Spectrum(stretches, left, np.swapaxes(right, -1, -2), np.prod(stretches, axis=-1))
 
@@ -79,7 +79,7 @@ class Principal:
 
 
 def response(at: Spectrum, law: Principal) -> Hyperelastic:
-    """W, P and A at a spectrum."""
+    """Return W, P and A at a spectrum."""
     stretch, points = at.stretches, at.J.shape
     nominal = law.tau / stretch
     local = np.zeros((*points, 9, 9))
@@ -102,7 +102,7 @@ def response(at: Spectrum, law: Principal) -> Hyperelastic:
 
 
 def _log_mean(a: Array, b: Array) -> Array:
-    """(a − b)/(ln a − ln b), a where they are equal."""
+    """Return (a − b)/(ln a − ln b), a where they are equal."""
     half = np.log(a / b) / 2
     equal = half == 0
     return np.asarray(np.sqrt(a * b) * np.where(equal, 1.0, np.sinh(half) / np.where(equal, 1.0, half)))
@@ -150,7 +150,7 @@ class Ogden(Rubber):
         return np.asarray(self._isochoric(stretches, J) + self.bulk_modulus_pa / 2 * (J - 1) ** 2)
 
     def evaluate(self, F: Array) -> Hyperelastic:
-        spectrum = Spectrum.of(F)
+        spectrum = Spectrum.from_gradient(F)
         return response(spectrum, self._principal(spectrum))
 
     def _isochoric(self, stretches: Array, J: Array) -> Array:
@@ -161,7 +161,7 @@ class Ogden(Rubber):
         return energy
 
     def _principal(self, at: Spectrum) -> Principal:
-        """Kirchhoff stresses τ_a, ∂τ_a/∂ln λ_b and (τ_a − τ_b)/(ln λ_a − ln λ_b), exact at equal stretches.
+        """Return Kirchhoff stresses τ_a, ∂τ_a/∂ln λ_b and (τ_a − τ_b)/(ln λ_a − ln λ_b), exact at equal stretches.
 
         With x = ln λ̄: τ_a = Σ 2μ/α (e^(αx_a) − mean_c e^(αx_c)) + K (J − 1) J.
         """
@@ -185,6 +185,6 @@ class Ogden(Rubber):
 
 
 def _sinhc(h: Array) -> Array:
-    """sinh(h)/h, 1 at 0."""
+    """Return sinh(h)/h, 1 at 0."""
     at_zero = h == 0
     return np.asarray(np.where(at_zero, 1.0, np.sinh(h) / np.where(at_zero, 1.0, h)))

@@ -18,15 +18,15 @@ from pliant_plugins.meta_models.common_form_fit import fit_common_form
 from pliant_plugins.meta_models.config import CoefficientsConfig
 from pliant_plugins.meta_models.networks import Layers, fit_layers
 from pliant_plugins.surrogates.config import StudyCoefficients
-from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
-from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
+from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, study_law
+from pliant_plugins.surrogates.polynomial.study import fit_study
 
 # Of a law's stiffness at rest, what must be left in every corner of its box.
 MARGIN = 0.02
 
 
 def study_targets(designs: SolvedDesigns) -> Array:
-    """(n, 4) k_n, m_a, b, m_e of each design, by least squares of the efforts (not by differences of energies).
+    """Return (n, 4) k_n, m_a, b, m_e of each design, by least squares of the efforts.
 
     Raises `UserError` for several axes or actuations and for a design whose states do not determine them.
     """
@@ -49,10 +49,10 @@ def study_targets(designs: SolvedDesigns) -> Array:
     return np.array(found)
 
 
-def law_of_targets(
+def law_from_targets(
     targets: Array, domain: Domain, actuation_name: str, axis: str, joint: JointKind
 ) -> PolynomialLaw:
-    """The law of coefficients (4,), its stiffness raised where it would not be stable in the box."""
+    """Return the law of coefficients (4,), its stiffness raised where it would not be stable in the box."""
     k_n, m_a, b, m_e = (float(value) for value in targets)
     # ∂τ/∂u = m_a p + b − m_e u is largest in a corner of the box.
     corners = m_a * domain.actuation[:, None] + b - m_e * domain.deformation[0]
@@ -83,31 +83,31 @@ class CoefficientLaws(FormLaws):
     usual: float
 
     def law(self, values: Array) -> JointLaw:
-        """The law of one design (d,), stable in its box."""
+        """Return the law of one design (d,), stable in its box."""
         values = np.asarray(values, float)
         targets = self.network(self.form.parameters(values[None]))[0]
         if not self.study:
             return self.form.law(values, targets)
         form = self.form
-        return law_of_targets(
+        return law_from_targets(
             targets, form.domain(values), form.actuation_name, form.axes[form.main], form.joint
         )
 
     def doubt(self, values: Array) -> Array:
-        """(m,) how far the random starts disagree, relative to that at the solved designs; 1 for a single start."""
+        """Return the (m,) disagreement of the random starts, relative to the solved designs; 1 for a single start."""
         apart = disagreement(self.network, self.form.parameters(np.asarray(values, float)))
         return np.sqrt(AGREED**2 + (apart / self.usual) ** 2) if self.usual > 0 else np.ones(len(apart))
 
     def record(self) -> LawRecord:
         """Form and weights as numbers."""
         network, weights = self.network.record()
-        return self.record_of(KIND, weights, network=network, study=self.study, usual=self.usual)
+        return self.build_record(KIND, weights, network=network, study=self.study, usual=self.usual)
 
     @staticmethod
-    def of_record(record: LawRecord) -> CoefficientLaws:
-        """The model of a record; both give laws of the same bits."""
+    def from_record(record: LawRecord) -> CoefficientLaws:
+        """Return the model of a record; laws are identical bit for bit."""
         values = record.values
-        network = Layers.of_record(values["network"], record.arrays)
+        network = Layers.from_record(values["network"], record.arrays)
         own: dict[str, Any] = {
             "network": network,
             "study": bool(values["study"]),
@@ -117,7 +117,7 @@ class CoefficientLaws(FormLaws):
 
 
 def disagreement(network: Layers, places: Array) -> Array:
-    """(m,) deviation of the starts' answers about their mean, all scaled targets together."""
+    """Return (m,) deviations of the starts about their mean, all scaled targets together."""
     answers = network.each(places) / network.scale
     return np.sqrt(answers.var(axis=0).sum(axis=1))
 
@@ -132,7 +132,7 @@ class Coefficients(MetaModel):
     config: CoefficientsConfig
 
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        """Targets of all designs, then the network; a target's error counts by what it does to the effort."""
+        """Fit targets of all designs, then the network, with errors weighted by their influence on the effort."""
         enough_designs(designs, self.fewest, KIND)
         study = self.config.form == "study"
         own = study_targets(designs) if study else None
@@ -153,5 +153,5 @@ class Coefficients(MetaModel):
         return FittedMetaModel(laws, details)
 
     def load(self, record: LawRecord) -> DesignLaws:
-        """The model of a record."""
-        return CoefficientLaws.of_record(record)
+        """Return the model of a record."""
+        return CoefficientLaws.from_record(record)

@@ -47,7 +47,7 @@ class CommonForm:
         margin: (k,) scaled stiffness at rest.
         spread: (q,) deviation of the targets over the solved designs.
         actuation: (2,) lowest and highest of the data; (m, 2) of several.
-        details: what there is to tell of the fit; not recorded.
+        details: details of the fit; not recorded.
     """
 
     parameters: ParameterMap
@@ -71,7 +71,7 @@ class CommonForm:
 
     def __post_init__(self) -> None:
         box = np.vstack([self.scaled_actuation, self.extent])
-        grid = StabilityGrid.of(self.exponents, box, self.main, self.margin)
+        grid = StabilityGrid.from_box(self.exponents, box, self.main, self.margin)
         object.__setattr__(self, "_grid", grid.transformed(np.column_stack([self.centre, self.directions])))
 
     @property
@@ -94,29 +94,29 @@ class CommonForm:
         return lower_terms(self.exponents)
 
     def sizes_at(self, places: Array) -> Array:
-        """(m, k + 1) reach of each axis, and energy, at scaled parameters (m, d)."""
+        """Return (m, k + 1) reach of each axis, and energy, at scaled parameters (m, d)."""
         return np.exp(self.sizes(places))
 
     def reach(self, values: Array) -> Array:
-        """(m, k) reach of each axis of designs (m, d), rad or m."""
+        """Return (m, k) reach of each axis of designs (m, d), rad or m."""
         return self.sizes_at(self.parameters(values))[:, :-1]
 
     def effort(self, values: Array) -> Array:
-        """(m,) mean size of the main effort of designs (m, d), N·m or N: what one unit of |z| amounts to."""
+        """Return (m,) mean sizes of the main effort of designs (m, d), N·m or N: the size of one unit of |z|."""
         sizes = self.sizes_at(self.parameters(values))
         return sizes[:, -1] / sizes[:, self.main]
 
     def energy(self, values: Array) -> Array:
-        """(m,) energy that scales the law of designs (m, d)."""
+        """Return (m,) energy that scales the law of designs (m, d)."""
         return self.effort(values) * self.reach(values)[:, self.main]
 
     def domain(self, values: Array) -> Domain:
-        """The box of a design (d,): where designs like it have trusted states."""
+        """Return the box of a design (d,), where similar designs have trusted states."""
         place = self.parameters(values[None])
         return Domain(self.actuation, self._box(place) * self.sizes_at(place)[0, :-1, None])
 
     def law(self, values: Array, targets: Array) -> JointLaw:
-        """The law of a design (d,) with targets (q,): stable, on the box that designs like it have."""
+        """Return the law of a design (d,) with targets (q,): stable, on the box of similar designs."""
         place = self.parameters(np.asarray(values, float)[None])
         sizes, box = self.sizes_at(place)[0], self._box(place)
         lifted = self._stable(place[0], np.asarray(targets, float), box)
@@ -139,7 +139,7 @@ class CommonForm:
         return PolynomialLaw(table, x_map, u_map[0], domain, **common)  # type: ignore[arg-type]
 
     def _stable(self, place: Array, targets: Array, box: Array) -> Array:
-        """Targets whose law is stable: moved as little as may be, in the mean effort, if need be.
+        """Return targets with a stable law, moved as little as possible in the mean effort.
 
         Where no such targets are found near, moved toward those of the solved designs nearby.
         """
@@ -156,13 +156,13 @@ class CommonForm:
         return self._grid.blended(own, nearby, keep)[1:]
 
     def _box(self, place: Array) -> Array:
-        """(k, 2) scaled deformations of designs like one at (1, d)."""
+        """Return (k, 2) scaled deformations of designs like one at (1, d)."""
         k = len(self.axes)
         found = self.edges(place).reshape(k, 2)
         return np.clip(found, self.extent[:, :1], self.extent[:, 1:])
 
     def record(self) -> tuple[dict[str, Any], dict[str, Array]]:
-        """Values and arrays from which `of_record` makes the same form; arrays' names led by `form_`."""
+        """Return values and arrays from which `from_record` makes the same form; array names start with `form_`."""
         values = {
             "actuation": self.actuation.tolist(),
             "axes": list(self.axes),
@@ -184,8 +184,8 @@ class CommonForm:
         return values, {PREFIX + name: array for name, array in arrays.items()}
 
     @staticmethod
-    def of_record(values: Mapping[str, Any], arrays: Mapping[str, Array]) -> CommonForm:
-        """The form of a record."""
+    def from_record(values: Mapping[str, Any], arrays: Mapping[str, Array]) -> CommonForm:
+        """Return the form of a record."""
 
         def read(name: str) -> Array:
             return np.asarray(arrays[PREFIX + name], float)
@@ -217,19 +217,19 @@ class FormLaws(DesignLaws):
     fixed: Mapping[str, Parameter]
     form: CommonForm
 
-    def record_of(self, kind: str, arrays: Mapping[str, Array], **values: Any) -> LawRecord:
-        """The record of a kind: its own arrays and values beside those that all share."""
+    def build_record(self, kind: str, arrays: Mapping[str, Array], **values: Any) -> LawRecord:
+        """Return the record of a kind: its own arrays and values and the shared ones."""
         form, form_arrays = self.form.record()
         shared = {"names": list(self.names), "fixed": dict(self.fixed), "form": form}
         return LawRecord(kind, {**shared, **values}, {**form_arrays, **arrays, "box": self.box})
 
     @staticmethod
     def shared_fields(record: LawRecord) -> dict[str, Any]:
-        """The attributes of this class from a record, by name."""
+        """Return the attributes of this class from a record, by name."""
         values, arrays = record.values, record.arrays
         return {
             "names": tuple(values["names"]),
             "box": np.asarray(arrays["box"], float),
             "fixed": dict(values["fixed"]),
-            "form": CommonForm.of_record(values["form"], arrays),
+            "form": CommonForm.from_record(values["form"], arrays),
         }

@@ -16,9 +16,9 @@ from pliant_plugins.meta_models.common_form_scales import (
     ParameterMap,
     Trends,
     degree_for,
+    design_sizes,
     fitted,
     monomials,
-    sizes_of,
     turned,
 )
 from pliant_plugins.meta_models.common_form_stable import StabilityGrid
@@ -37,9 +37,9 @@ ROUNDS = 12
 NOISE_FLOOR = 1e-5
 # Share of the mean variance that every direction keeps.
 SPREAD_FLOOR = 1e-8
-# How many designs' worth of belief there is in coefficients that fall with the degree.
+# Weight, in designs, of the prior that coefficients fall with the degree.
 BELIEF = 1.0
-# How many equations of typical noise stand behind each design's own.
+# Weight, in equations of typical noise, of the prior on each design's noise.
 TYPICAL = 10.0
 
 
@@ -67,9 +67,9 @@ class Population:
 def fit_population(
     designs: Sequence[Equations], h: Array, rounds: int = ROUNDS, held: Array | None = None
 ) -> Population:
-    """The population of designs with equations in well-scaled terms; h (n, t) are regressors of their mean.
+    """Fit the population of designs with equations in well-scaled terms; h (n, t) are regressors of their mean.
 
-    `held` (m, m) is a precision about zero that every design has beside its equations.
+    `held` (m, m) is a precision about zero that every design has in addition to its equations.
     """
     n, m = len(designs), designs[0].rows.shape[1]
     grams = [one.rows.T @ one.rows for one in designs]
@@ -105,7 +105,7 @@ def fit_population(
 
 
 def _noise(missed: Array, counts: NDArray[np.int64], floor: float) -> Array:
-    """(n,) of each design, held to what is typical as if that had been seen in `TYPICAL` equations."""
+    """Return (n,) noise of each design, shrunk to the typical one with the weight of `TYPICAL` equations."""
     typical = float(np.median(missed / np.maximum(counts, 1)))
     return np.sqrt(np.maximum((missed + TYPICAL * typical) / (counts + TYPICAL), floor))
 
@@ -113,7 +113,7 @@ def _noise(missed: Array, counts: NDArray[np.int64], floor: float) -> Array:
 def _posterior(
     gram: Array, moment: Array, prior: Array, spread: Array, noise: float, held: Array
 ) -> tuple[Array, Array]:
-    """Mean and covariance of one design's coefficients."""
+    """Return mean and covariance of one design's coefficients."""
     precision = gram / noise**2 + np.linalg.inv(spread) + held
     covariance = np.asarray(np.linalg.inv((precision + precision.T) / 2), float)
     return prior + covariance @ ((moment - gram @ prior) / noise**2 - held @ prior), covariance
@@ -122,22 +122,22 @@ def _posterior(
 # Directions that move no effort by more than this share of its mean size are left out.
 NEGLIGIBLE = 2e-5
 MOST_TARGETS = 24
-# In efforts per reach: stiffnesses are believed to be no larger; and how many places along an axis say so.
+# Prior bound of stiffnesses in efforts per reach, and the number of places along an axis at which it is imposed.
 STIFFNESS = 5.0
 CORNERS = 3
 
 
 def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
-    """The form and the targets (n, q) of the designs, from trusted states of role "fit" only.
+    """Fit the form and the targets (n, q) of the designs to trusted states of role "fit".
 
     Deterministic. Raises `UserError` for a design without such states.
     """
     first = designs.data[0]
     main = first.axes.index(first.main_axis)
     _enough_states(designs)
-    parameters = ParameterMap.of(designs.values)
+    parameters = ParameterMap.from_designs(designs.values)
     places = parameters(designs.values)
-    sizes = Trends.fit(places, np.log(sizes_of(designs)))
+    sizes = Trends.fit(places, np.log(design_sizes(designs)))
     seen = np.concatenate([data.actuation[fitted(data)] for data in designs.data])
     actuation = np.stack([seen.min(axis=0), seen.max(axis=0)], axis=-1)
     scale = np.abs(actuation).max(axis=-1)
@@ -145,7 +145,7 @@ def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
     weights, ranges = _weights(designs, own)
     even = is_even(designs.data, ranges)
 
-    def of_terms(exponents: Exponents) -> list[Equations]:
+    def term_equations(exponents: Exponents) -> list[Equations]:
         return [
             equations(data, exponents, scale, size, weights)
             for data, size in zip(designs.data, own, strict=True)
@@ -159,14 +159,14 @@ def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
 
     h = monomials(places, degree_for(*places.shape))
     sets = term_sets(len(first.axes), main, even, len(first.actuations))
-    exponents, errors = chosen_terms(sets, of_terms, h, held, alike=len(first.actuations) > 1)
-    blocks = of_terms(exponents)
+    exponents, errors = chosen_terms(sets, term_equations, h, held, alike=len(first.actuations) > 1)
+    blocks = term_equations(exponents)
     lift = orthonormal(blocks)
     raised = [one.lifted(lift) for one in blocks]
     kept = lift.T @ held(exponents) @ lift
     population = fit_population(raised, h, held=kept)
     margin = _rest_stiffness(population, lift, exponents, len(first.axes))
-    grid = StabilityGrid.of(exponents, box, main, margin).transformed(lift)
+    grid = StabilityGrid.from_box(exponents, box, main, margin).transformed(lift)
     coefficients = _all_stable(population, raised, grid, boxes, kept)
     centre, directions = _principal(coefficients)
     targets = (coefficients - centre) @ directions
@@ -211,7 +211,7 @@ def _enough_states(designs: SolvedDesigns) -> None:
 
 
 def _weights(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
-    """(k,) weight of each axis, one over its mean scaled effort; (k,) its largest effort."""
+    """Return (k,) weights of the axes, one over their mean scaled effort, and (k,) largest efforts."""
     means, ranges = [], []
     for data, size in zip(designs.data, sizes, strict=True):
         good = fitted(data)
@@ -223,14 +223,14 @@ def _weights(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
 
 
 def _boxes(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
-    """(k, 2) scaled deformations of all designs together, and (n, k, 2) of each (`turned`)."""
+    """Return (k, 2) scaled deformations of all designs together, and (n, k, 2) of each (`turned`)."""
     pairs = zip(designs.data, sizes, strict=True)
     every = np.array([np.stack(turned(data), axis=1) / size[:-1, None] for data, size in pairs])
     return np.stack([every[:, :, 0].min(axis=0), every[:, :, 1].max(axis=0)], axis=1), every
 
 
 def _edges(places: Array, boxes: Array) -> Trends:
-    """The boxes (n, k, 2) over scaled parameters, as wide as it takes to hold those of all designs."""
+    """Fit the boxes (n, k, 2) over scaled parameters, wide enough for those of all designs."""
     edges = boxes.reshape(len(places), -1)
     found = Trends.fit(places, edges, least_gain=1.0)
     missed = edges - found(places)
@@ -241,7 +241,7 @@ def _edges(places: Array, boxes: Array) -> Trends:
 
 
 def _held_stiffness(exponents: Exponents, box: Array, main: int, weights: Array) -> Array:
-    """(m, m) belief that stiffnesses in the box are of the efforts' own size, within `STIFFNESS` times.
+    """Return the (m, m) prior that stiffnesses in the box have the size of the efforts within `STIFFNESS` times.
 
     Corners where several axes are far out have no states; without it, polynomials of several axes are anything there.
     One axis under one actuation has states all over its box, and needs none.
@@ -249,14 +249,14 @@ def _held_stiffness(exponents: Exponents, box: Array, main: int, weights: Array)
     m, k = len(exponents), len(weights)
     if exponents.shape[1] == 2:
         return np.zeros((m, m))
-    slopes = StabilityGrid.of(exponents, box, main, np.ones(k)).slopes
+    slopes = StabilityGrid.from_box(exponents, box, main, np.ones(k)).slopes
     weighed = slopes * np.sqrt(weights[:, None] * weights)[:, :, None] / STIFFNESS
     rows = weighed.reshape(-1, m)
     return CORNERS**k / len(slopes) * rows.T @ rows
 
 
 def _rest_stiffness(population: Population, lift: Array, exponents: Exponents, k: int) -> Array:
-    """(k,) median over the designs of −∂τ/∂u at rest, scaled; positive."""
+    """Return (k,) median over the designs of −∂τ/∂u at rest, scaled; positive."""
     m = exponents.shape[1] - k
     rest, at = scaled_basis(exponents), (np.zeros((1, m)), np.zeros((1, k)))
     rows = [rest.derivative(*at, unit(m + k, m + i, m + i))[0] for i in range(k)]
@@ -267,7 +267,7 @@ def _rest_stiffness(population: Population, lift: Array, exponents: Exponents, k
 def _all_stable(
     population: Population, blocks: list[Equations], grid: StabilityGrid, boxes: Array, held: Array
 ) -> Array:
-    """(n, m) coefficients of the designs, each moved as little as its data mind until its law is stable."""
+    """Return (n, m) coefficients of the designs, each moved as little as its data allow until stable."""
     prior = np.linalg.inv(population.spread) + held
     found = []
     for own, one, box, noise in zip(population.coefficients, blocks, boxes, population.noise, strict=True):
@@ -280,7 +280,7 @@ def _all_stable(
 
 
 def _principal(coefficients: Array) -> tuple[Array, Array]:
-    """Mean (m,) and orthonormal directions (m, q) of coefficients (n, m); what is negligible is left out."""
+    """Return mean (m,) and orthonormal directions (m, q) of coefficients (n, m), without negligible ones."""
     centre = coefficients.mean(axis=0)
     _, sizes, directions = np.linalg.svd(coefficients - centre, full_matrices=False)
     left = np.sqrt(np.cumsum(sizes[::-1] ** 2)[::-1] / len(coefficients))
@@ -306,13 +306,13 @@ def chosen_terms(
     held: Callable[[Exponents], Array],
     alike: bool = False,
 ) -> tuple[Exponents, list[float]]:
-    """The chosen exponents, and the error of each set that was tried.
+    """Choose the exponents by cross-validation; return them and the error of each set tried.
 
-    Of every design a seeded quarter of the states is left out; the error is the root mean square of what the fit of
-    all designs to the other states misses of their efforts, as a share of the effort's mean size.
+    A seeded quarter of the states of every design is left out; the error is the root mean square of the efforts'
+    residual there, after a fit of all designs to the other states, as a share of the effort's mean size.
 
-    `alike`: states of all designs lie at the same places of their boxes, as a sweep under several actuations samples
-    them; then the same ones are left out of all, so that no design tells what another lacks there.
+    `alike`: states of all designs are at the same places of their boxes, as a sweep under several actuations samples
+    them; then the same ones are left out of all designs, so that none informs another there.
     """
     errors: list[float] = []
     for exponents in sets:
@@ -334,8 +334,8 @@ def _error(blocks: list[Equations], h: Array, held: Array, alike: bool) -> float
         random = np.random.default_rng(SEED) if alike else random
         out = np.zeros(n, bool)
         out[random.permutation(n)[: int(LEFT_OUT * n)]] = True
-        kept.append(one.of_states(~out))
-        left.append(one.of_states(out))
+        kept.append(one.select_states(~out))
+        left.append(one.select_states(out))
     lift = orthonormal(kept)
     population = fit_population([one.lifted(lift) for one in kept], h, ROUNDS_OF_CHOICE, lift.T @ held @ lift)
     missed = [

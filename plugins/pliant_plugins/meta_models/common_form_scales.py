@@ -37,15 +37,15 @@ class ParameterMap:
     logarithmic: NDArray[np.bool_]
 
     @staticmethod
-    def of(values: Array, logarithms: bool = True) -> ParameterMap:
-        """The map of the box of designs (n, d)."""
+    def from_designs(values: Array, logarithms: bool = True) -> ParameterMap:
+        """Return the map of the box of designs (n, d)."""
         low, high = values.min(axis=0), values.max(axis=0)
         positive = low > 0
         wide = positive & (high > LOG_RATIO * np.where(positive, low, 1.0))
         return ParameterMap(low, high, wide if logarithms else np.zeros(len(low), bool))
 
     def __call__(self, values: Array) -> Array:
-        """(m, d) scaled parameters of designs (m, d); outside the box they go on as they are."""
+        """Return scaled parameters (m, d) of designs (m, d); the scale is extrapolated outside the box."""
         low, high, given = self._taken(self.low), self._taken(self.high), self._taken(values)
         width = np.where(high > low, high - low, 1.0)
         return (2 * given - low - high) / width
@@ -75,7 +75,7 @@ class Trends:
 
     @staticmethod
     def fit(places: Array, quantities: Array, least_gain: float = RESIDUAL_GAIN) -> Trends:
-        """Least squares of quantities (n, r) at scaled parameters (n, d), held by a small ridge.
+        """Fit quantities (n, r) at scaled parameters (n, d) by least squares with a small ridge.
 
         The Gaussians must bring the squared error on designs left out down to the share `least_gain`.
         """
@@ -89,7 +89,7 @@ class Trends:
         return Trends(degree, trend, weights, np.array([one[0] for one in left]), places)
 
     def __call__(self, places: Array) -> Array:
-        """(m, r) quantities at scaled parameters (m, d)."""
+        """Return (m, r) quantities at scaled parameters (m, d)."""
         found: Array = monomials(places, self.degree) @ self.coefficients
         if not self.weights.any():
             return found
@@ -99,7 +99,7 @@ class Trends:
 
 
 def _residual(places: Array, column: Array, least_gain: float) -> tuple[float, Array]:
-    """Width and weights (n,) of the Gaussians that miss designs left out least; no weights where none helps."""
+    """Return width and weights (n,) of the Gaussians with the least leave-one-out error; no weights if none helps."""
     apart = np.sum((places[:, None] - places[None]) ** 2, axis=2)
     best = (least_gain * float(np.sum(column**2)), 1.0, np.zeros(len(column)))
     for width in RESIDUAL_WIDTHS:
@@ -114,13 +114,13 @@ def _residual(places: Array, column: Array, least_gain: float) -> tuple[float, A
 
 
 def degree_for(designs: int, parameters: int) -> int:
-    """2 where there are designs enough for squares and products, else 1."""
+    """Return 2 if there are enough designs for squares and products, else 1."""
     terms = (parameters + 1) * (parameters + 2) // 2
     return 2 if designs >= DESIGNS_PER_TERM * terms else 1
 
 
 def monomials(places: Array, degree: int) -> Array:
-    """(n, t) 1, s_i and for degree 2 s_i s_j of scaled parameters (n, d)."""
+    """Return (n, t) 1, s_i and for degree 2 s_i s_j of scaled parameters (n, d)."""
     n, d = places.shape
     columns = [np.ones(n), *places.T]
     if degree > 1:
@@ -128,8 +128,8 @@ def monomials(places: Array, degree: int) -> Array:
     return np.stack(columns, axis=1)
 
 
-def sizes_of(designs: SolvedDesigns) -> Array:
-    """(n, k + 1) how far each design's axes were turned, and its energy: median effort times reach of the main axis.
+def design_sizes(designs: SolvedDesigns) -> Array:
+    """Return (n, k + 1) deflection ranges of each design's axes, and its energy: median effort times main range.
 
     Side axes count as far as they were turned in any state, trusted or not: their range is the study's choice.
 
@@ -140,12 +140,12 @@ def sizes_of(designs: SolvedDesigns) -> Array:
 
 
 def fitted(data: ModuleData) -> NDArray[np.bool_]:
-    """(n,) the states that a meta-model may see: trusted ones of role "fit"."""
+    """Return (n,) mask of the states for a meta-model: trusted ones of role "fit"."""
     return np.isin(data.status, TRUSTED) & (data.role == "fit")
 
 
 def turned(data: ModuleData) -> tuple[Array, Array]:
-    """(k,) lowest and (k,) highest deformation of fitted states; of side axes those that are not trusted count too."""
+    """Return (k,) lowest and (k,) highest deformation of fitted states; of side axes untrusted ones count too."""
     seen = data.role == "fit"
     good = fitted(data)
     low, high = (np.asarray(end(data.deformation[seen], axis=0), float) for end in (np.min, np.max))
@@ -165,7 +165,7 @@ def _sizes(data: ModuleData) -> list[float]:
         if full.any():
             reach[main] = np.abs(data.deformation[full, main]).max()
     efforts = np.abs(data.tau[good, main])
-    # The median of what is no free branch: a stop, where efforts are many times larger, does not count.
+    # The median off the free branch: a stop, where efforts are many times larger, has no influence.
     loaded = efforts > 1e-6 * efforts.max(initial=0.0)
     effort = float(np.median(efforts[loaded])) if loaded.any() else FLOOR
     return [*np.maximum(reach, FLOOR), max(effort * reach[main], FLOOR)]

@@ -49,8 +49,8 @@ class StabilityGrid:
         return [np.unique(column) for column in self.points.T]
 
     @staticmethod
-    def of(exponents: Exponents, box: Array, main: int, margin: Array) -> StabilityGrid:
-        """A grid of the scaled box (m + k, 2)."""
+    def from_box(exponents: Exponents, box: Array, main: int, margin: Array) -> StabilityGrid:
+        """Return a grid of the scaled box (m + k, 2)."""
         k = len(margin)
         m = len(box) - k
         counts = _levels(m, k, main)
@@ -65,11 +65,11 @@ class StabilityGrid:
         return StabilityGrid(points, slopes, MARGIN * margin)
 
     def transformed(self, matrix: Array) -> StabilityGrid:
-        """The same grid for coefficients z with c = matrix · z."""
+        """Return the grid for coefficients z with c = matrix · z."""
         return StabilityGrid(self.points, self.slopes @ matrix, self.margin)
 
     def inside(self, box: Array) -> Mask:
-        """(g,) points in a deformation box (k, 2), and the first beyond each side of it."""
+        """Return (g,) points in a deformation box (k, 2), and the first beyond each side of it."""
         keep = np.ones(len(self.points), bool)
         for axis, (low, high) in enumerate(box, start=self.points.shape[1] - len(box)):
             levels = self._levels[axis]
@@ -79,16 +79,16 @@ class StabilityGrid:
         return keep
 
     def at(self, coefficients: Array, keep: Mask) -> Array:
-        """(g', k, k) slopes plus the margin: stable where negative definite."""
+        """Return (g', k, k) slopes plus the margin: stable where negative definite."""
         # The product over the whole grid costs less than a copy of a part of it.
         return (self._rows @ coefficients).reshape(self.slopes.shape[:3])[keep] + np.diag(self.margin)
 
     def stable(self, slopes: Array) -> bool:
-        """Whether all of (g, k, k) symmetric slopes are negative definite."""
+        """Return whether all of the symmetric slopes (g, k, k) are negative definite."""
         return bool(_negative_definite(slopes).all())
 
     def blended(self, coefficients: Array, reference: Array, keep: Mask) -> Array:
-        """The coefficients, moved toward a stable reference just as far as stability asks for."""
+        """Move the coefficients toward a stable reference by the least amount that makes them stable."""
         own, other = self.at(coefficients, keep), self.at(reference, keep)
         if self.stable(own):
             return coefficients
@@ -102,7 +102,7 @@ class StabilityGrid:
         return coefficients + high * (reference - coefficients)
 
     def nearest_targets(self, targets: Array, keep: Mask) -> Array | None:
-        """The stable targets nearest to given ones, for a grid of coefficients (1, targets); None where none is found.
+        """Return the stable targets nearest to given ones, for a grid of coefficients (1, targets), or None.
 
         The margin that is aimed at is twice the one that must remain, so that few cuts are enough.
         """
@@ -110,7 +110,7 @@ class StabilityGrid:
         return found[1:] if self.stable(self.at(found, keep)) else None
 
     def nearest(self, coefficients: Array, precision: Array, keep: Mask, fixed: int = 0) -> Array:
-        """The stable coefficients that lie nearest to given ones in the metric `precision` (m, m).
+        """Return the stable coefficients nearest to given ones in the metric `precision` (m, m).
 
         The first `fixed` coefficients stay as they are; `precision` is of the others.
 
@@ -140,7 +140,7 @@ class StabilityGrid:
 
 
 def _project(start: Array, root: Array, planes: Array, limits: Array) -> Array:
-    """min |rootᵀ (c − start)| subject to planes · c ≤ limits (Lawson and Hanson, 1974, ch. 23)."""
+    """Minimise |rootᵀ (c − start)| subject to planes · c ≤ limits (Lawson and Hanson, 1974, ch. 23)."""
     # With y = rootᵀ (c − start) the planes read −G y ≥ −h; the least distance is the residual of an NNLS.
     g = np.linalg.solve(root, planes.T).T
     h = limits - planes @ start
@@ -161,7 +161,7 @@ def _project(start: Array, root: Array, planes: Array, limits: Array) -> Array:
 
 
 def _levels(m: int, k: int, main: int) -> tuple[int, ...]:
-    """Levels of m actuations and k axes."""
+    """Return levels of m actuations and k axes."""
     if m > 1:
         fitting = (pair for pair in SEVERAL_LEVELS if pair[0] ** m * pair[1] ** k <= MOST_POINTS)
         of_input, of_axis = next(fitting, SEVERAL_LEVELS[-1])
@@ -172,7 +172,7 @@ def _levels(m: int, k: int, main: int) -> tuple[int, ...]:
 
 
 def _negative_definite(slopes: Array) -> Mask:
-    """(g,) which of (g, k, k) symmetric slopes are, by leading minors; of more than three axes by eigenvalues."""
+    """Return (g,) which symmetric slopes (g, k, k) are negative definite, by leading minors or eigenvalues (k > 3)."""
     if slopes.shape[1] > 3:
         largest: Mask = np.linalg.eigvalsh(slopes)[:, -1] < 0
         return largest

@@ -14,7 +14,7 @@ from pliant.records.fem import ModuleData
 from pliant_plugins.meta_models.common_form_scales import fitted
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents, unit
 from pliant_plugins.surrogates.polynomial.several_fit import DEGREES as SEVERAL_DEGREES
-from pliant_plugins.surrogates.polynomial.several_fit import terms_of as several_terms
+from pliant_plugins.surrogates.polynomial.several_fit import weighted_degree_exponents as several_terms
 
 # As in the polynomial surrogate: slopes of a polynomial are steeper than its values.
 SLOPE_WEIGHT = 0.2
@@ -22,15 +22,15 @@ SLOPE_WEIGHT = 0.2
 LARGE = 2.0
 # How many powers of the main axis a power of a side axis counts for.
 COST = 1.5
-# Efforts of side axes below this share of their range, with the side axes at rest, are none.
+# Efforts of side axes below this share of their range, with the side axes at rest, count as zero.
 SYMMETRY = 1e-5
-# Of several actuations: what designs cost to fit grows with its cube, what a law costs an engine with it.
+# With several actuations: the cost of a fit grows with its cube, the cost of a law in an engine linearly.
 MOST_TERMS = 360
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """What the states of one design say, in scaled units: rows · c = right, each weighted.
+    """Weighted equations of the states of one design, in scaled units: rows · c = right.
 
     Attributes:
         rows: (e, m) derivatives of the terms.
@@ -44,25 +44,25 @@ class Equations:
     state: NDArray[np.int64]
     value: NDArray[np.bool_]
 
-    def of_states(self, keep: NDArray[np.bool_]) -> Equations:
-        """The equations of the states that a mask chooses."""
+    def select_states(self, keep: NDArray[np.bool_]) -> Equations:
+        """Return the equations of the states that a mask chooses."""
         chosen = keep[self.state]
         return Equations(self.rows[chosen], self.right[chosen], self.state[chosen], self.value[chosen])
 
     def lifted(self, lift: Array) -> Equations:
-        """The same equations for z with c = lift · z."""
+        """Return the equations for z with c = lift · z."""
         return Equations(self.rows @ lift, self.right, self.state, self.value)
 
 
 def orthonormal(blocks: Sequence[Equations]) -> Array:
-    """(m, m) L with c = L z such that |z|² is the mean square of the equations over all designs."""
+    """Return (m, m) L with c = L z such that |z|² is the mean square of the equations over all designs."""
     rows = np.concatenate([one.rows / np.sqrt(len(blocks) * len(one.right)) for one in blocks])
     held = 1e-7 * np.abs(rows).max() * np.eye(rows.shape[1])
     return np.linalg.inv(np.linalg.qr(np.concatenate([rows, held]), mode="r"))
 
 
 def scaled_basis(exponents: Exponents) -> EnergyBasis:
-    """Terms of scaled variables: actuations by their largest values, deformations by their reach."""
+    """Return terms of scaled variables: actuations by their largest values, deformations by their reach."""
     k = exponents.shape[1] - 1  # all but the first coordinate, further actuations among them
     return EnergyBasis(exponents, np.array([0.0, 1.0]), np.tile([0.0, 1.0], (k, 1)))
 
@@ -70,7 +70,7 @@ def scaled_basis(exponents: Exponents) -> EnergyBasis:
 def equations(
     data: ModuleData, exponents: Exponents, actuation: Levels, sizes: Array, weights: Array
 ) -> Equations:
-    """Equations of the trusted states of role "fit" of one design.
+    """Return equations of the trusted states of role "fit" of one design.
 
     Args:
         actuation: scale of the actuation; (m,) of several.
@@ -82,7 +82,7 @@ def equations(
     basis, m, k = scaled_basis(exponents), len(data.actuations), len(data.axes)
     x, v = data.actuation[keep] / actuation, data.deformation[keep] / reach
 
-    def rows_of(*places: int) -> Array:
+    def derivative_rows(*places: int) -> Array:
         # τ = −∂Π/∂u: the minus sign of every row.
         return -basis.derivative(x, v, unit(m + k, *places))
 
@@ -91,14 +91,14 @@ def equations(
     blocks: list[tuple[Array, Array, bool]] = []
     for i in range(k):
         to_unit = weights[i] * reach[i] / energy
-        blocks.append((weights[i] * rows_of(m + i), to_unit * data.tau[keep, i], True))
+        blocks.append((weights[i] * derivative_rows(m + i), to_unit * data.tau[keep, i], True))
         for j in range(m):
             by_p = SLOPE_WEIGHT * to_unit * scales[j] * gains[:, i, j]
-            blocks.append((SLOPE_WEIGHT * weights[i] * rows_of(j, m + i), by_p, False))
+            blocks.append((SLOPE_WEIGHT * weights[i] * derivative_rows(j, m + i), by_p, False))
         for j in range(i, k):
             weight = SLOPE_WEIGHT * np.sqrt(weights[i] * weights[j])
             by_u = weight * reach[i] * reach[j] / energy * data.dtau_du[keep, i, j]
-            blocks.append((weight * rows_of(m + i, m + j), by_u, False))
+            blocks.append((weight * derivative_rows(m + i, m + j), by_u, False))
     blocks = [_tempered(*block) for block in blocks]
     rows, right = (np.concatenate([block[k] for block in blocks]) for k in (0, 1))
     state, value = np.tile(np.arange(n), len(blocks)), np.repeat([block[2] for block in blocks], n)
@@ -107,14 +107,14 @@ def equations(
 
 
 def _tempered(rows: Array, right: Array, value: bool) -> tuple[Array, Array, bool]:
-    """Equations far larger than typical ones count by their relative error: against a stop efforts are huge."""
+    """Weight equations far larger than typical ones by their relative error: efforts at a stop are huge."""
     size = np.where(np.isfinite(right), np.abs(right), 0.0) / (LARGE if value else LARGE * SLOPE_WEIGHT * 2)
     weight = 1 / np.sqrt(1 + size**2)
     return rows * weight[:, None], right * weight, value
 
 
 def term_sets(axes: int, main: int, even: bool, actuations: int = 1) -> list[Exponents]:
-    """Sets of exponents (t, m + k), small ones first; `even`: unchanged where all side axes change sign.
+    """Return sets of exponents (t, m + k), small ones first; `even`: unchanged under a sign change of side axes.
 
     Of several actuations none is the one that drives the main axis: all axes count alike, as in the polynomial law.
     """
@@ -131,12 +131,12 @@ def term_sets(axes: int, main: int, even: bool, actuations: int = 1) -> list[Exp
 
 
 def _by_degree(exponents: Exponents) -> Exponents:
-    """In the order of their degree: `orthonormal` then gives each direction what lower degrees leave open."""
+    """Sort the exponents by degree, so that `orthonormal` orthogonalises each term to those of lower degree."""
     return exponents[np.lexsort((*exponents.T[::-1], exponents.sum(axis=1)))]
 
 
 def _terms(axes: int, main: int, sides: list[int], even: bool, top_x: int, top_v: int) -> Exponents:
-    """Terms with i/I + (j + 2 (side powers))/J ≤ 1 for efforts of degree I and J, at most four side powers."""
+    """Return terms with i/I + (j + 2 (side powers))/J ≤ 1 for efforts of degree I and J, at most four side powers."""
     found = []
     for powers in np.ndindex(*([top_x + 1] + [top_v + 2] * axes)):
         i, u = powers[0], np.array(powers[1:])
@@ -149,7 +149,7 @@ def _terms(axes: int, main: int, sides: list[int], even: bool, top_x: int, top_v
 
 
 def is_even(data: tuple[ModuleData, ...], ranges: Array) -> bool:
-    """Whether side axes at rest bear no effort in any fitted state: the module then has a plane of symmetry."""
+    """Return whether side axes at rest have no effort in any fitted state: the module then has a plane of symmetry."""
     if len(data[0].actuations) > 1:  # any of them may bend the module about any axis
         return False
     for one in data:

@@ -1,4 +1,4 @@
-"""What a study may say about the meta-models that ship with Pliant."""
+"""Configuration of the meta-models that ship with Pliant."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Layers:
     scale: Array
 
     def each(self, inputs: Array) -> Array:
-        """(s, n, o) what each start says of inputs (n, i)."""
+        """Return (s, n, o) outputs of each start at inputs (n, i)."""
         hidden = np.broadcast_to(inputs, (len(self.weights[0]), *inputs.shape))
         last = len(self.weights) - 1
         for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -49,19 +49,19 @@ class Layers:
         return self.centre + self.scale * hidden
 
     def __call__(self, inputs: Array) -> Array:
-        """(n, o) their mean."""
+        """Return (n, o) mean outputs."""
         return self.each(inputs).mean(axis=0)
 
     def record(self) -> tuple[dict[str, Any], dict[str, Array]]:
-        """Values and arrays from which `of_record` makes the same network."""
+        """Return values and arrays from which `from_record` makes the same network."""
         arrays = {"net_centre": self.centre, "net_scale": self.scale}
         for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays |= {f"net_weight_{number}": weight, f"net_bias_{number}": bias}
         return {"activation": self.activation, "layers": len(self.weights)}, arrays
 
     @staticmethod
-    def of_record(values: Mapping[str, Any], arrays: Mapping[str, Array]) -> Layers:
-        """The network of a record."""
+    def from_record(values: Mapping[str, Any], arrays: Mapping[str, Array]) -> Layers:
+        """Return the network of a record."""
 
         def read(name: str) -> Array:
             return np.asarray(arrays[f"net_{name}"], float)
@@ -84,7 +84,7 @@ HISTORY = 30
 
 @contextmanager
 def one_thread() -> Iterator[Any]:
-    """torch on one thread; sums over threads would depend on their number."""
+    """Run torch on one thread inside the block; sums over threads would depend on their number."""
     torch = load_torch("a meta-model of networks needs torch to be fitted")
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -134,7 +134,7 @@ def fit_layers(
     scale: Array,
     seed: int = 0,
 ) -> Layers:
-    """Networks from inputs (n, i) to targets (n, o) by the mean squared error of targets / scale.
+    """Fit networks from inputs (n, i) to targets (n, o) by the mean squared error of targets / scale.
 
     Args:
         hidden: units of the hidden layers.

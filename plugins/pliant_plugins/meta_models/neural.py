@@ -42,7 +42,7 @@ class EnergyLaws(FormLaws):
     family: RidgeFamily
 
     def law(self, values: Array) -> JointLaw:
-        """The law of one design (d,); it is stiffened evenly where it would not be stable in its box."""
+        """Return the law of one design (d,), stiffened uniformly if it would not be stable in its box."""
         form, rows = self.form, np.asarray(values, float)[None]
         reach = form.reach(rows)[0]
         network = self.family.network(
@@ -60,12 +60,12 @@ class EnergyLaws(FormLaws):
 
     def record(self) -> LawRecord:
         """Form and weights as numbers."""
-        return self.record_of(KIND, self.family.arrays(), activation="smooth")
+        return self.build_record(KIND, self.family.arrays(), activation="smooth")
 
     @staticmethod
-    def of_record(record: LawRecord) -> EnergyLaws:
-        """The model of a record; both give laws of the same bits."""
-        return EnergyLaws(**FormLaws.shared_fields(record), family=RidgeFamily.of_arrays(record.arrays))
+    def from_record(record: LawRecord) -> EnergyLaws:
+        """Return the model of a record; laws are identical bit for bit."""
+        return EnergyLaws(**FormLaws.shared_fields(record), family=RidgeFamily.from_arrays(record.arrays))
 
 
 # Levels of pressure and angle where there is one of each; scattered points for more.
@@ -87,7 +87,7 @@ class TorqueLaws(FormLaws):
     sizes: Array
 
     def law(self, values: Array) -> JointLaw:
-        """The law of one design (d,): the common form's that misses the network's torques least."""
+        """Return the law of one design (d,) of the common form that fits the network's torques best."""
         values = np.asarray(values, float)
         form = self.form
         domain = form.domain(values)
@@ -106,7 +106,7 @@ class TorqueLaws(FormLaws):
         return form.law(values, np.linalg.solve(square + held, columns.T @ right))
 
     def torques(self, places: Array, design: Array, points: Array) -> Array:
-        """(n, k) what the networks say, scaled: of designs `design` (n,) among places (m, d) at points (n, m + k)."""
+        """Return (n, k) scaled torques of designs `design` (n,) among places (m, d) at points (n, m + k)."""
         inputs = np.column_stack([places[design.astype(int)], points])
         return np.column_stack([network(inputs) for network in self.networks])
 
@@ -117,16 +117,16 @@ class TorqueLaws(FormLaws):
             values, weights = network.record()
             networks.append(values)
             arrays |= {f"axis_{number}_{name}": array for name, array in weights.items()}
-        return self.record_of(KIND, arrays, activation="relu", networks=networks)
+        return self.build_record(KIND, arrays, activation="relu", networks=networks)
 
     @staticmethod
-    def of_record(record: LawRecord) -> TorqueLaws:
-        """The model of a record; both give laws of the same bits."""
+    def from_record(record: LawRecord) -> TorqueLaws:
+        """Return the model of a record; laws are identical bit for bit."""
         networks = []
         for number, values in enumerate(record.values["networks"]):
             led = f"axis_{number}_"
             own = {name.removeprefix(led): a for name, a in record.arrays.items() if name.startswith(led)}
-            networks.append(Layers.of_record(values, own))
+            networks.append(Layers.from_record(values, own))
         sizes = np.asarray(record.arrays["torque_sizes"], float)
         return TorqueLaws(**FormLaws.shared_fields(record), networks=tuple(networks), sizes=sizes)
 
@@ -134,7 +134,7 @@ class TorqueLaws(FormLaws):
 def fit_torques(
     states: ScaledStates, units: int, decay: float, seed: int
 ) -> tuple[tuple[Layers, ...], Array, float]:
-    """One network per axis by the mean squared error of torques alone, their sizes and what they miss of these."""
+    """Fit one network per axis to torques alone; return them, their sizes and their residuals."""
     inputs = np.column_stack([states.places[states.design], states.points])
     sizes = np.sqrt(np.mean(states.tau**2, axis=0))
     sizes = np.where(sizes > 0, sizes, 1.0)
@@ -148,7 +148,7 @@ def fit_torques(
 
 
 def grid(coordinates: int) -> Array:
-    """(g, m + k) points of the unit box of so many actuations and deformations."""
+    """Return points (g, m + k) of the unit box of m actuations and k deformations."""
     if coordinates > 2:
         return np.random.default_rng(SEED).random((POINTS, coordinates))
     ticks = [np.linspace(0, 1, count) for count in LEVELS]
@@ -162,10 +162,10 @@ class NeuralMetaModel(MetaModel):
     config: NeuralMetaConfig
 
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        """Scales and boxes of the common form, then the network; torch trains it, numpy evaluates it."""
+        """Fit scales and boxes of the common form, then the network; torch trains it, numpy evaluates it."""
         enough_designs(designs, self.fewest, KIND)
         form, _ = fit_common_form(designs)
-        states = ScaledStates.of(designs, form)
+        states = ScaledStates.from_designs(designs, form)
         c = self.config
         common: dict[str, Any] = {
             "names": designs.names,
@@ -187,7 +187,7 @@ class NeuralMetaModel(MetaModel):
         return FittedMetaModel(laws, details)
 
     def load(self, record: LawRecord) -> DesignLaws:
-        """The model of a record."""
+        """Return the model of a record."""
         if record.values["activation"] == "relu":
-            return TorqueLaws.of_record(record)
-        return EnergyLaws.of_record(record)
+            return TorqueLaws.from_record(record)
+        return EnergyLaws.from_record(record)

@@ -44,18 +44,18 @@ class LinearSmoother:
     weights: Array
 
     def mean(self, places: Array) -> Array:
-        """(m, q) predicted targets at places (m, d)."""
+        """Return (m, q) predicted targets at places (m, d)."""
         return self.centre + self.features(places) @ self.weights
 
     def features(self, places: Array) -> Array:
-        """(m, f) at places (m, d)."""
+        """Return (m, f) features at places (m, d)."""
         if self.kind == "polynomial":
             return legendre_products(places, self.exponents)
         return gaussians(places, self.places, self.width)
 
 
 def fit_polynomial(places: Array, targets: Array) -> tuple[LinearSmoother, Array]:
-    """Degree and ridge by the smallest error on designs left out one by one; and these errors (n, q)."""
+    """Choose degree and ridge by the leave-one-design-out error; return the fit and these errors (n, q)."""
     centre = targets.mean(axis=0)
     found = []
     for exponents in _degrees(places.shape[1], len(places)):
@@ -72,7 +72,7 @@ def fit_polynomial(places: Array, targets: Array) -> tuple[LinearSmoother, Array
 
 
 def fit_kernel_ridge(places: Array, targets: Array) -> tuple[LinearSmoother, Array]:
-    """Width and ridge by the smallest error on designs left out one by one; and these errors (n, q)."""
+    """Choose width and ridge by the leave-one-design-out error; return the fit and these errors (n, q)."""
     centre = targets.mean(axis=0)
     none = np.zeros((0, places.shape[1]), np.int64)
     found = []
@@ -87,13 +87,13 @@ def fit_kernel_ridge(places: Array, targets: Array) -> tuple[LinearSmoother, Arr
 
 
 def gaussians(one: Array, two: Array, width: float) -> Array:
-    """(m, n) exp(−|s − s'|² / (2 width²)) of places (m, d) and (n, d)."""
+    """Return (m, n) exp(−|s − s'|² / (2 width²)) of places (m, d) and (n, d)."""
     apart = np.sum((one[:, None] - two[None]) ** 2, axis=2)
     return np.exp(-apart / (2 * width**2))
 
 
 def legendre_products(places: Array, exponents: NDArray[np.int64]) -> Array:
-    """(m, f) products of Legendre polynomials in each scaled parameter."""
+    """Return (m, f) products of Legendre polynomials in each scaled parameter."""
     out = np.ones((len(places), len(exponents)))
     for i, degrees in enumerate(exponents.T):
         table = np.polynomial.legendre.legvander(places[:, i], int(degrees.max(initial=0)))
@@ -102,7 +102,7 @@ def legendre_products(places: Array, exponents: NDArray[np.int64]) -> Array:
 
 
 def _degrees(d: int, designs: int) -> Iterator[NDArray[np.int64]]:
-    """Products of total degree 1, 2 … while there are designs to tell them apart."""
+    """Yield products of total degree 1, 2 … while there are enough designs to determine them."""
     for degree in DEGREES:
         every = np.array([e for e in np.ndindex(*([degree + 1] * d)) if sum(e) <= degree], np.int64)
         if degree == 1 or len(every) < designs:
@@ -155,7 +155,7 @@ class GaussianProcesses:
 
     @staticmethod
     def fit(places: Array, targets: Array) -> GaussianProcesses:
-        """Widths and sizes by the largest marginal likelihood, from one fixed start (scikit-learn)."""
+        """Fit widths and sizes by the largest marginal likelihood, from one fixed start (scikit-learn)."""
         centre, scale = targets.mean(axis=0), targets.std(axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         found = [_likeliest(places, column) for column in ((targets - centre) / scale).T]
@@ -163,7 +163,7 @@ class GaussianProcesses:
         return GaussianProcesses(places, targets, centre, scale, widths, sizes, rough.astype(bool))
 
     def kernel(self, one: Array, two: Array) -> Array:
-        """(q, m, l) covariance of the standardised targets at places (m, d) and (l, d), without noise."""
+        """Return (q, m, l) covariance of the standardised targets at places (m, d) and (l, d), without noise."""
         apart = (one[:, None] - two[None]) ** 2
         square = np.einsum("mld,td->tml", apart, self.widths**-2.0)
         found = np.exp(-square / 2)
@@ -174,24 +174,24 @@ class GaussianProcesses:
         return a * found + b * (1 + one @ two.T)
 
     def mean(self, places: Array) -> Array:
-        """(m, q) predicted targets at places (m, d)."""
+        """Return (m, q) predicted targets at places (m, d)."""
         standard = np.einsum("tmi,ti->mt", self.kernel(places, self.places), self._dual)
         return self.centre + self.scale * standard
 
     def variance(self, places: Array) -> Array:
-        """(m, q) variance of the targets at places (m, d), noise included, in the targets' units."""
+        """Return (m, q) variance of the targets at places (m, d), noise included, in the targets' units."""
         across = self.kernel(places, self.places)
         explained = np.einsum("tmi,tmi->mt", across @ self._inverse, across)
         prior = np.stack([np.diagonal(k) for k in self.kernel(places, places)], axis=1)
         return self.scale**2 * (np.maximum(prior - explained, 0.0) + self.sizes[:, 2])
 
     def left_out(self) -> Array:
-        """(n, q) what the other designs predict for each minus its targets (Rasmussen and Williams, eq. 5.12)."""
+        """Return (n, q) leave-one-design-out predictions minus targets (Rasmussen and Williams, eq. 5.12)."""
         own = np.diagonal(self._inverse, axis1=1, axis2=2)
         return -(self._dual / own).T * self.scale
 
     def gain(self, candidates: Array, over: Array) -> Array:
-        """(m,) share of the squared error over places (k, d), all targets together, that each candidate would remove.
+        """Return (m,) share of the squared error over places (k, d), all targets, that each candidate would remove.
 
         A target's variance at o falls by cov(o, c)² / (var(c) + noise), both given the solved designs (Cohn, Neural
         Networks 9, 1996; Sacks et al., Statistical Science 4, 1989); widths and sizes stay as they are.
@@ -206,7 +206,7 @@ class GaussianProcesses:
 
 
 def _likeliest(places: Array, column: Array) -> tuple[Array, Array, bool]:
-    """Widths (d,), sizes (3,) and whether Matérn's kernel is the likelier of the two."""
+    """Return widths (d,), sizes (3,) and whether Matérn's kernel is more likely than the other."""
     if not np.any(column):
         return np.full(places.shape[1], WIDTHS[1]), np.array([LARGEST, LARGEST, NOISE[0]]), False
     fits = [_fitted(places, column, rough) for rough in (False, True)]
@@ -256,21 +256,21 @@ class RegressionLaws(FormLaws):
     smoother: LinearSmoother | None = None
 
     def targets(self, values: Array) -> Array:
-        """(m, q) targets of designs (m, d)."""
+        """Return (m, q) targets of designs (m, d)."""
         places = self.inputs(np.asarray(values, float))
         return self.processes.mean(places) if self.smoother is None else self.smoother.mean(places)
 
     def law(self, values: Array) -> JointLaw:
-        """The law of one design (d,), stable in its box."""
+        """Return the law of one design (d,), stable in its box."""
         return self.form.law(values, self.targets(np.asarray(values, float)[None])[0])
 
     def doubt(self, values: Array) -> Array:
-        """(m,) deviation of the effort that the processes expect, as a share of its mean size."""
+        """Return (m,) deviation of the effort that the processes expect, as a share of its mean size."""
         variance = self.processes.variance(self.inputs(np.asarray(values, float)))
         return np.sqrt(variance.sum(axis=1))
 
     def gain(self, candidates: Array, over: Array) -> Array:
-        """(m,) expected share of the mean squared error over `over` (k, d) that solving each would remove."""
+        """Return (m,) expected share of the mean squared error over `over` (k, d) that solving each would remove."""
         return self.processes.gain(
             self.inputs(np.asarray(candidates, float)), self.inputs(np.asarray(over, float))
         )
@@ -288,11 +288,11 @@ class RegressionLaws(FormLaws):
         arrays = {
             f"{part}_{name}": getattr(owner, name) for part, (owner, names) in parts.items() for name in names
         }
-        return self.record_of(KIND, arrays, **values)
+        return self.build_record(KIND, arrays, **values)
 
     @staticmethod
-    def of_record(record: LawRecord) -> RegressionLaws:
-        """The model of a record; both give laws of the same bits."""
+    def from_record(record: LawRecord) -> RegressionLaws:
+        """Return the model of a record; laws are identical bit for bit."""
 
         def read(part: str, names: tuple[str, ...]) -> dict[str, Any]:
             return {
@@ -317,10 +317,10 @@ class Regression(MetaModel):
     config: RegressionConfig
 
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        """The common form of all designs, then every regressor asked for; `auto` takes the best of them."""
+        """Fit the common form of all designs, then every requested regressor; `auto` uses the best of them."""
         enough_designs(designs, self.fewest, KIND)
         form, targets = fit_common_form(designs)
-        inputs = ParameterMap.of(designs.values, self.config.inputs == "logarithm")
+        inputs = ParameterMap.from_designs(designs.values, self.config.inputs == "logarithm")
         places = inputs(designs.values)
         processes = GaussianProcesses.fit(places, targets)
         others = {
@@ -339,10 +339,10 @@ class Regression(MetaModel):
         return FittedMetaModel(laws, {**form.details, "regressor": chosen, "left_out": errors})
 
     def load(self, record: LawRecord) -> DesignLaws:
-        """The model of a record."""
-        return RegressionLaws.of_record(record)
+        """Return the model of a record."""
+        return RegressionLaws.from_record(record)
 
 
 def _size(missed: Array) -> float:
-    """Root mean square of the effort's error, as a share of its mean size, over designs left out."""
+    """Return root mean square of the effort's error, as a share of its mean size, over designs left out."""
     return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))

@@ -46,8 +46,8 @@ class ScaledStates:
     slope: Array
 
     @staticmethod
-    def of(designs: SolvedDesigns, form: CommonForm) -> ScaledStates:
-        """States of role "fit" whose status is trusted."""
+    def from_designs(designs: SolvedDesigns, form: CommonForm) -> ScaledStates:
+        """Select states of role "fit" whose status is trusted."""
         reaches, energies = form.reach(designs.values), form.energy(designs.values)
         top = form.largest_actuation
         parts: list[tuple[Array, ...]] = []
@@ -76,7 +76,7 @@ class RidgeFamily:
         inner: (d, h) W₁; inner_bias: (h,) a₁.
         outer: (h, q) W₂; outer_bias: (q,) a₂, in the order b (r), c (r), t (k), g (k, m), S (k, k).
         ridges: (r, m + k) w.
-        mirror: (k,) −1 for axes whose sign, together, leaves the energy as it is; all 1 without such a symmetry.
+        mirror: (k,) −1 for axes whose joint change of sign does not change the energy; all 1 without such a symmetry.
     """
 
     inner: Array
@@ -87,7 +87,7 @@ class RidgeFamily:
     mirror: Array
 
     def network(self, place: Array, energy: float, top: Levels, reach: Array) -> Network:
-        """The network of a design with scaled parameters (d,), in SI; `top` is (m,) of several actuations."""
+        """Return the network of a design with scaled parameters (d,), in SI; `top` is (m,) of several actuations."""
         r, k = len(self.ridges), len(reach)
         m = self.ridges.shape[1] - k
         hidden = np.tanh(place @ self.inner + self.inner_bias)
@@ -114,19 +114,19 @@ class RidgeFamily:
         )
 
     def arrays(self) -> dict[str, Array]:
-        """The weights by name."""
+        """Return the weights by name."""
         return {f"ridge_{name}": getattr(self, name) for name in self.__dataclass_fields__}
 
     @staticmethod
-    def of_arrays(arrays: Mapping[str, Array]) -> RidgeFamily:
-        """The weights that `arrays` gave."""
+    def from_arrays(arrays: Mapping[str, Array]) -> RidgeFamily:
+        """Return the weights that `arrays` gave."""
         return RidgeFamily(
             **{name: np.asarray(arrays[f"ridge_{name}"], float) for name in RidgeFamily.__dataclass_fields__}
         )
 
 
 def symmetric(matrix: Array) -> Array:
-    """(k, k) from any."""
+    """Return a symmetric matrix (k, k) from any."""
     return (matrix + matrix.T) / 2
 
 
@@ -139,7 +139,7 @@ SPREAD, SHARE = 1.0, 0.1
 def fit_ridges(
     states: ScaledStates, mirror: Array, units: int, steps: int, decay: float, seed: int
 ) -> tuple[RidgeFamily, float]:
-    """The network, and its root mean square of errors of efforts as a share of each axis' mean size."""
+    """Fit the network; return it and its RMS error of efforts as a share of each axis' mean size."""
     d, k = states.places.shape[1], states.tau.shape[1]
     m = states.points.shape[1] - k
     random = np.random.default_rng(seed)

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.interfaces.physics import SceneSimulation, SimulationState
+from pliant.interfaces.simulation import SceneSimulation, SimulationState
 from pliant.mechanics.efforts import actuation_values
 from pliant.mechanics.relaxation import relax
 from pliant.mechanics.statics import ChainStatics, Loads
@@ -49,7 +49,7 @@ class DynamicSimulation(Steppable):
 
     def apply(self, inputs: Inputs) -> None:
         self.statics.efforts.values(inputs.actuation)
-        self._loads = Loads.of(self.chain, inputs)
+        self._loads = Loads.from_inputs(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
         start = time.perf_counter()
@@ -73,7 +73,7 @@ class DynamicSimulation(Steppable):
         )
 
     def now(self) -> Loads:
-        """The present loads, with the past that law terms remember."""
+        """Return the present loads with the memory of law terms."""
         return self._loads.after(self._memory) if self.chain.terms else self._loads
 
     def snapshot(self) -> SimulationState:
@@ -83,7 +83,7 @@ class DynamicSimulation(Steppable):
         self._joints.place(state.position, state.velocity)
         self._recall(state, self.statics.efforts.terms)
 
-    # What the relaxation drives: see `pliant.mechanics.relaxation.Mover`.
+    # Interface of the relaxation: see `pliant.mechanics.relaxation.Mover`.
 
     @property
     def q(self) -> Array:
@@ -101,7 +101,7 @@ class DynamicSimulation(Steppable):
 
     @abstractmethod
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
-        """One pseudo-time step."""
+        """Make one pseudo-time step."""
 
     @abstractmethod
     def begin_relaxing(self) -> None:
@@ -116,7 +116,7 @@ class ArmsScene(SceneSimulation):
     """The arms of a scene in any engine: loads, velocity of the carriage, time."""
 
     def __init__(self, scene: Scene, chains: Sequence[ChainModel]) -> None:
-        """`chains` are those of the arms, which may be changed for the engine."""
+        """Store the arms' `chains`, which may be changed for the engine."""
         self.scene, self._chains = scene, chains
         self._statics = [ChainStatics(chain) for chain in chains]
         self._loads = [Loads.unactuated(chain) for chain in chains]
@@ -127,7 +127,9 @@ class ArmsScene(SceneSimulation):
             raise ContractError(f"the scene has {len(self._chains)} arms and got inputs for {len(inputs)}")
         for chain, given in zip(self._chains, inputs, strict=True):
             actuation_values(chain.actuators, given.actuation)
-        self._loads = [Loads.of(chain, given) for chain, given in zip(self._chains, inputs, strict=True)]
+        self._loads = [
+            Loads.from_inputs(chain, given) for chain, given in zip(self._chains, inputs, strict=True)
+        ]
 
     def carry(self, velocity_m_s: Array) -> None:
         self._velocity = np.array(velocity_m_s, float)
@@ -135,7 +137,7 @@ class ArmsScene(SceneSimulation):
     @property
     @abstractmethod
     def joints(self) -> Sequence[Joints]:
-        """Those of each arm."""
+        """Return the joints of each arm."""
 
     def outside_domain(self) -> tuple[OutsideDomain, ...]:
         entries: list[OutsideDomain] = []
@@ -147,13 +149,21 @@ class ArmsScene(SceneSimulation):
         return tuple(entries)
 
 
-def contact_of(
-    one: Part, other: Part, place_m: Array, normal: Array, normal_n: float, friction_n: Array, order: str
+def ordered_contact(
+    one: Part,
+    other: Part,
+    place_m: Array,
+    normal: Array,
+    normal_n: float,
+    friction_n: Array,
+    order: str,
+    apart_m: float,
 ) -> Contact:
-    """A contact whose bodies come in this order of kinds, then of numbers.
+    """Return a contact with its bodies in this order of kinds, then of numbers.
 
-    The unit `normal` points from `one` to `other`, `friction_n` is the force on `other`.
+    The unit `normal` points from `one` to `other`, `friction_n` is the force on `other`, `apart_m` is their distance,
+    negative where they are in each other.
     """
     if (order.index(one.kind), one.number) > (order.index(other.kind), other.number):
         one, other, normal, friction_n = other, one, -normal, -friction_n
-    return Contact(one, other, place_m, normal, normal_n, friction_n)
+    return Contact(one, other, place_m, normal, normal_n, friction_n, max(-apart_m, 0.0))

@@ -6,13 +6,15 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import Simulation, SimulationState, Variation
+from pliant.interfaces.physics import Variation
+from pliant.interfaces.simulation import Simulation, SimulationState
 from pliant.mechanics.kinematics import base_rotations
 from pliant.mechanics.statics import Loads
 from pliant.mechanics.terms import LawTerms, TermMemory
@@ -30,9 +32,12 @@ class Steppable(Simulation):
     def __init__(self, chain: ChainModel) -> None:
         self.chain = chain
         self._loads = Loads.unactuated(chain)
-        # Of law terms, before a step that takes for ever: engines put their own step in.
-        self._memory = TermMemory.at_rest(chain.terms, (chain.n_joints, len(chain.axes)))
         self._time_s = 0.0
+
+    @cached_property
+    def _memory(self) -> TermMemory:
+        """The memory of law terms, at first before a step that takes for ever: engines put their own step in."""
+        return TermMemory.at_rest(self.chain.terms, (self.chain.n_joints, len(self.chain.axes)))
 
     def warm(self, temperature_c: float) -> None:
         """Set the temperature that law terms see from now on."""
@@ -49,14 +54,14 @@ class Steppable(Simulation):
         self._memory = replace(self._memory, previous=state.position.copy(), states=states)
 
 
-# Goes through one run in steps no longer than given: joint coordinates (t, n, a) and whether each was reached.
+# Simulates one run in steps no longer than given: joint coordinates (t, n, a) and whether each was reached.
 Through = Callable[[Any, History, float], tuple[Array, NDArray[np.bool_]]]
 
 
 def sample_by_sample(
     simulation: Steppable, history: History, longest_step_s: float, first: int = 0, last: int | None = None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Joint coordinates (t, n, a) at the samples from `first` to `last` (exclusive), and whether each was reached."""
+    """Return joint coordinates (t, n, a) at samples `first` to `last` (exclusive), and whether each was reached."""
     q: list[Array] = []
     converged: list[bool] = []
     for k in range(first, len(history) if last is None else last):
@@ -85,14 +90,14 @@ def step_through(
 ) -> Paths:
     """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
 
-    `through` goes through one run.
+    `through` simulates one run.
 
     Raises:
         UserError: a base or payload that changes within a run, an input that is missing or not a number.
     """
 
     def walk(chain: ChainModel, histories: Sequence[History]) -> list[Followed]:
-        """One run after another; what terms keep goes on with the specimen."""
+        """Follow runs one after another; permanent states of terms continue with the specimen."""
         check_driven(chain, histories)
         keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
         damage: dict[str, Array] = {}
@@ -116,7 +121,7 @@ def step_through(
 
 
 def n_parts(duration_s: Any, longest_step_s: float) -> Any:
-    """Equal parts of finite durations that are no longer than the longest step; at least 1."""
+    """Return the number of equal parts of finite durations, each no longer than the longest step; at least 1."""
     return np.maximum(1, np.ceil(np.asarray(duration_s) / longest_step_s - 1e-9)).astype(np.int64)
 
 
@@ -137,7 +142,7 @@ def check_driven(chain: ChainModel, histories: Sequence[History]) -> None:
 
 
 def _placed(chain: ChainModel, history: History) -> ChainModel:
-    """The chain with the base and payload of a run."""
+    """Return the chain, with its terms, under the base and payload of a run."""
     if np.ptp(history.base_angles_rad, axis=0).any() or (
         history.payload_kg is not None and np.ptp(history.payload_kg) > 0.0
     ):
@@ -147,11 +152,12 @@ def _placed(chain: ChainModel, history: History) -> ChainModel:
         )
     rotation = base_rotations(np.asarray(chain.base_rotation, float), history.base_angles_rad[:1])[0]
     payload = chain.payload_kg if history.payload_kg is None else float(history.payload_kg[0])
-    return chain.with_(base_rotation=rotation, payload_kg=payload)
+    terms = tuple(term.carrying(payload - chain.payload_kg) for term in chain.terms)
+    return chain.with_(base_rotation=rotation, payload_kg=payload, terms=terms)
 
 
 def _between(history: History, k: int, share: float) -> tuple[Inputs, float]:
-    """Inputs and temperature at a share of the way from sample k − 1 to k."""
+    """Return inputs and temperature at a share of the way from sample k − 1 to k."""
     last, here = history.at(max(k - 1, 0)), history.at(k)
     before = float(history.temperature_c[max(k - 1, 0)])
 

@@ -1,4 +1,4 @@
-"""What a study may say about polynomial, table and neural surrogates."""
+"""Configuration of polynomial, table and neural surrogates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pliant.units import Angle, Length, UnitError, parse_quantity
 
 
 def _actuation(value: Any) -> Any:
-    """A pressure or a tendon force: which one is not known before the data are."""
+    """Return a pressure or a tendon force: the quantity is unknown before the data are."""
     if not isinstance(value, str):
         return value
     for unit in ("Pa", "N"):
@@ -49,7 +49,7 @@ class StudyCoefficients(FrozenModel):
 
 
 class StatedDomain(FrozenModel):
-    """The box in which a stated law holds, each side as [low, high]; a missing side is unbounded."""
+    """The box in which a stated law is valid, each side as [low, high]; a missing side is unbounded."""
 
     actuation: tuple[Actuation, Actuation] | None = None
     deformation: tuple[Angle, Angle] | None = None
@@ -99,11 +99,13 @@ class AxisConfig(FrozenModel):
     def _consistent(self) -> Self:
         problem = None
         if self.form != "study" and self.coefficients is not None:
-            problem = "coefficients state a law of the study's form: add 'form: study'"
+            problem = "coefficients state a law of the published form: add 'form: study'"
         elif self.form != "study" and self.odd:
-            problem = "odd replaces u² by u|u| in the study's form: add 'form: study' or leave it out"
+            problem = "odd replaces u² by u|u| in the published form: add 'form: study' or leave it out"
         elif self.form != "study" and self.procedure != "least_squares":
-            problem = "procedure finite_differences fits the study's form: add 'form: study' or leave it out"
+            problem = (
+                "procedure finite_differences fits the published form: add 'form: study' or leave it out"
+            )
         elif self.coefficients is not None and self.procedure != "least_squares":
             problem = "coefficients state the law and procedure says how to fit one: give only one of them"
         elif self.coefficients is None and self.domain is not None:
@@ -112,20 +114,27 @@ class AxisConfig(FrozenModel):
             )
         elif self.coefficients is not None and self.data is not None:
             problem = "coefficients state the law and data fits one: give only one of them"
+        elif self.coefficients is None and self.actuation_name != "pressure_pa":
+            problem = (
+                "actuation_name is the input of a law stated by coefficients; a fitted law has that of its data: "
+                "leave it out"
+            )
+        elif self.form == "study" and self.max_degree != AxisConfig.model_fields["max_degree"].default:
+            problem = "max_degree limits form adaptive, and form study has five coefficients: leave it out"
         if problem:
             raise PydanticCustomError("polynomial", "{problem}", {"problem": problem})
         return self
 
 
 class AxesConfig(FrozenModel):
-    """The axes of a spherical joint, each with a law of its own: x is the twist, y the main axis."""
+    """The axes of a spherical joint, each with a separate law: x is the twist, y the main axis."""
 
     x: AxisConfig = Field(description="the twist; keys as those of the law itself")
     y: AxisConfig = Field(description="the main bending axis; {} takes the FEM stage's states")
     z: AxisConfig = Field(description="the second bending axis")
 
     def each(self) -> dict[str, AxisConfig]:
-        """The blocks by axis."""
+        """Return the blocks by axis."""
         return {"x": self.x, "y": self.y, "z": self.z}
 
 
@@ -149,6 +158,8 @@ class PolynomialConfig(AxisConfig, SurrogateConfig):
             problem = f"'{beside[0]}' stands beside 'axes': give it in the axes it belongs to"
             if beside[0] in ("joint", "axis"):
                 problem = f"'{beside[0]}' stands beside 'axes': a joint with axes is spherical; leave one of them out"
+        elif self.axis is not None and self.coefficients is None:
+            problem = "axis is that of a law stated by coefficients; a fitted law's is that of its data: leave it out"
         elif self.joint == "prismatic" and self.coefficients is None:
             problem = "joint prismatic is for a law stated by coefficients, in N and m: give 'coefficients'"
         elif self.joint == "prismatic" and domain.deformation is not None:
@@ -169,14 +180,14 @@ class TableAxisConfig(FrozenModel):
 
 
 class TableAxesConfig(FrozenModel):
-    """The axes of a spherical joint, each with a table of its own: x is the twist, y the main axis."""
+    """The axes of a spherical joint, each with a separate table: x is the twist, y the main axis."""
 
     x: TableAxisConfig = Field(description="the twist")
     y: TableAxisConfig = Field(description="the main bending axis")
     z: TableAxisConfig = Field(description="the second bending axis")
 
     def each(self) -> dict[str, TableAxisConfig]:
-        """The blocks by axis."""
+        """Return the blocks by axis."""
         return {"x": self.x, "y": self.y, "z": self.z}
 
 

@@ -1,4 +1,4 @@
-"""One-axis laws that know τ inside a box: a smooth, stable continuation outside it."""
+"""One-axis laws with τ inside a box: a smooth, stable continuation outside it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
 
-# Stands for "without limit" in parameters, which are finite numbers.
+# Represents "without limit" in parameters, which are finite numbers.
 UNBOUNDED = 1e300
 # A continuation in p may take at most this share of the boundary's stiffness.
 STIFFNESS_SHARE = 0.5
@@ -36,11 +36,11 @@ class ContinuedLaw(JointLaw):
 
     @abstractmethod
     def _inside(self, p: Array, u: Array) -> Array:
-        """(n, 4) τ, ∂p τ, ∂u τ, ∂p∂u τ at points of the box."""
+        """Return (n, 4) τ, ∂p τ, ∂u τ, ∂p∂u τ at points of the box."""
 
     @abstractmethod
     def _areas(self, p: Array, u: Array) -> Array:
-        """(2, n) ∫ τ du and ∫ ∂p τ du from some angle, the same for all p, to u; points of the box."""
+        """Return (2, n) ∫ τ du and ∫ ∂p τ du from a fixed angle, the same for all p, to u; points of the box."""
 
     def _continue(self) -> None:
         """Read the continuation off the law on its border; called once, when the law is made."""
@@ -52,7 +52,7 @@ class ContinuedLaw(JointLaw):
         object.__setattr__(self, "_reference_gain", np.array([gain for _, gain in sides]))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, 1), ∂τ/∂p (n, 1) and ∂τ/∂u (n, 1, 1) for actuation (n,) and deformation (n, 1)."""
+        """Return τ (n, 1), ∂τ/∂p (n, 1) and ∂τ/∂u (n, 1, 1) for actuation (n,) and deformation (n, 1)."""
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)[:, 0]
         inside = self._clip(u)
         du = u - inside
@@ -62,7 +62,7 @@ class ContinuedLaw(JointLaw):
         return Effort(tau[:, None], gain[:, None], slope[:, None, None])
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
+        """Return Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)[:, 0]
         return self._antiderivative(p, np.zeros_like(u)) - self._antiderivative(p, u)
 
@@ -71,7 +71,7 @@ class ContinuedLaw(JointLaw):
         return np.minimum(np.maximum(u, low), high)
 
     def _in_pressure(self, p: Array, u: Array) -> tuple[Array, Array, Array, Array]:
-        """τ, ∂p τ, ∂u τ, ∂p∂u τ at angles inside the box, continued in p."""
+        """Return τ, ∂p τ, ∂u τ, ∂p∂u τ at angles inside the box, continued in p."""
         inside = np.minimum(np.maximum(p, self.domain.actuation[0]), self.domain.actuation[1])
         tau, gain, slope, cross = self._inside(inside, u).T
         dp = p - inside
@@ -86,7 +86,7 @@ class ContinuedLaw(JointLaw):
         )
 
     def _saturate(self, dp: Array) -> tuple[Array, Array, Array]:
-        """φ(δp), φ'(δp) and the gain at the reference angle on the side that was left."""
+        """Return φ(δp), φ'(δp) and the gain at the reference angle on the side that was left."""
         side = (dp > 0).astype(int)
         limit = self._reach[side]
         bounded = np.isfinite(limit)
@@ -99,7 +99,7 @@ class ContinuedLaw(JointLaw):
         )
 
     def _side(self, index: int) -> tuple[float, float]:
-        """L and the gain at the reference angle on the lower (0) or upper (1) side of the box in p."""
+        """Return L and the gain at the reference angle on the lower (0) or upper (1) side of the box in p."""
         border = self.domain.actuation[index]
         if not np.isfinite(border):
             return np.inf, 0.0
@@ -111,15 +111,15 @@ class ContinuedLaw(JointLaw):
         if not harmful.any():
             return np.inf, float(gain[-1])
         reach = STIFFNESS_SHARE * np.min(np.maximum(-slope[harmful], 0.0) / softening[harmful])
-        # An unstable border has nothing to protect: the law reports it, τ only has to stay defined.
+        # An unstable border needs no protection: the law reports it, τ only has to stay defined.
         return float(max(reach, 1e-3 * self._half_width())), float(gain[-1])
 
     def _half_width(self) -> float:
-        """Of the box in p."""
+        """Return half the width of the box in p."""
         return float(np.ptp(self.domain.actuation)) / 2
 
     def _antiderivative(self, p: Array, u: Array) -> Array:
-        """∫ τ du at fixed p, up to a function of p alone."""
+        """Return ∫ τ du at fixed p, up to a function of p alone."""
         inside = self._clip(u)
         held = np.minimum(np.maximum(p, self.domain.actuation[0]), self.domain.actuation[1])
         area, area_gain = self._areas(held, inside)
@@ -133,7 +133,7 @@ class ContinuedLaw(JointLaw):
 def share_actuation(
     parameters: Array, share: float, header: int, acting: Sequence[int], gains: slice
 ) -> Array:
-    """Parameters of a law of independent axes whose actuation is `share` times what it is given.
+    """Return parameters of a law of independent axes whose actuation is `share` times the given one.
 
     `parameters` has a block for each axis: `header` numbers, the first two the shape of the coefficients after them.
 

@@ -17,12 +17,12 @@ PRICE = (3.0, 2e-3)
 
 
 def affordable(error: float) -> float:
-    """The error, as a share of the effort's range, up to which a stable law is about as good as one of `error`."""
+    """Return the relative error up to which a stable law counts as about as good as one of `error`."""
     return PRICE[0] * error + PRICE[1]
 
 
 def stable_choice(errors: Sequence[float], slopes: Sequence[float]) -> int:
-    """The place of the best stable law (largest ∂τ/∂u < 0) if one is about as good as the best, else of the best."""
+    """Return the index of the best stable law (largest ∂τ/∂u < 0) if it is about as good as the best, else the best."""
     best = int(np.argmin(errors))
     limit = affordable(errors[best])
     stable = [k for k, slope in enumerate(slopes) if slope < 0 and errors[k] <= limit]
@@ -30,11 +30,11 @@ def stable_choice(errors: Sequence[float], slopes: Sequence[float]) -> int:
 
 
 def law_record(kind: str, law: JointLaw, arrays: Mapping[str, Array], **values: Any) -> LawRecord:
-    """The record of a law: its own arrays and values beside the shared ones."""
+    """Return the record of a law: its own arrays and values and the shared ones."""
     shared = {
         "domain_actuation": law.domain.actuation,
         "domain_deformation": law.domain.deformation,
-        **(law.error.arrays() if law.error else {}),
+        **(law.error.arrays() if isinstance(law.error, ErrorBar) else {}),
     }
     named = {"joint": law.joint, "axes": list(law.axes), "actuation_name": law.actuation_name}
     return LawRecord(kind, {**named, **values}, {**arrays, **shared})
@@ -47,7 +47,7 @@ def require_kind(record: LawRecord, kind: str) -> None:
 
 
 def shared_fields(record: LawRecord) -> dict[str, Any]:
-    """The shared attributes of the law of a record, by name."""
+    """Return the shared attributes of the law of a record, by name."""
     arrays, values = record.arrays, record.values
     box = (np.asarray(arrays[f"domain_{side}"], float) for side in ("actuation", "deformation"))
     return {
@@ -55,10 +55,10 @@ def shared_fields(record: LawRecord) -> dict[str, Any]:
         "axes": tuple(values["axes"]),
         "joint": values["joint"],
         "actuation_name": str(values["actuation_name"]),
-        "error": ErrorBar.of_arrays(arrays),
+        "error": ErrorBar.from_arrays(arrays),
     }
 
 
-def arrays_of(record: LawRecord, *names: str) -> dict[str, Any]:
-    """Arrays of a record as floating-point numbers, by name."""
+def float_arrays(record: LawRecord, *names: str) -> dict[str, Any]:
+    """Return arrays of a record as floating-point numbers, by name."""
     return {name: np.asarray(record.arrays[name], float) for name in names}

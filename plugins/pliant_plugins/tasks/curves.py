@@ -10,8 +10,8 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
-from pliant.tabular.opening import open_sheet
-from pliant.tabular.schema import Known, Schema, read_columns
+from pliant_tables.opening import open_sheet
+from pliant_tables.schema import Known, Schema, read_columns
 
 # Points of a curve that are kept for pictures.
 DRAWN = 61
@@ -20,7 +20,7 @@ POINTS = Schema(tuple(Known(axis, "_m", "m", "output") for axis in "xyz"), ",".j
 
 
 def helix(radius_m: float, height_m: float, turns: float, right_handed: bool, count: int = 1001) -> Array:
-    """(count, 3) a helix from the origin along +x; its axis lies at z = −radius, where positive bending goes."""
+    """Return a helix (count, 3) from the origin along +x; its axis is at z = −radius, the side of positive bending."""
     angle = 2 * np.pi * turns * np.linspace(0.0, 1.0, count)
     # A turn about +x takes +z to −y.
     side = -np.sin(angle) if right_handed else np.sin(angle)
@@ -30,7 +30,7 @@ def helix(radius_m: float, height_m: float, turns: float, right_handed: bool, co
 
 
 def leaving_along_x(points: Array) -> Array:
-    """The points (n, 3), turned about the first by the smallest rotation that takes their first step to +x."""
+    """Return the points (n, 3), turned about the first by the smallest rotation of their first step to +x."""
     first = points[1] - points[0]
     axis = np.cross(first, [1.0, 0.0, 0.0])
     sine = float(np.linalg.norm(axis))
@@ -41,7 +41,7 @@ def leaving_along_x(points: Array) -> Array:
 
 
 def read_points(path: Path) -> Array:
-    """(n, 3) points of a CSV with the columns x_m, y_m, z_m, or in other units.
+    """Read (n, 3) points of a CSV with the columns x_m, y_m, z_m, or in other units.
 
     Raises:
         UserError: the file, its columns or a number is wrong; or it has fewer than two different points.
@@ -60,7 +60,7 @@ def read_points(path: Path) -> Array:
 
 
 def resampled(points: Array, count: int) -> Array:
-    """(count, 3) points of a polyline (n, 3) at equal steps of its own length, both ends included."""
+    """Return points (count, 3) of a polyline (n, 3) at equal steps of its length, both ends included."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     reach = np.concatenate([[0.0], np.cumsum(steps)])
     wanted = np.linspace(0.0, reach[-1], count)
@@ -68,12 +68,12 @@ def resampled(points: Array, count: int) -> Array:
 
 
 def length_m(points: Array) -> float:
-    """Length of a polyline."""
+    """Return length of a polyline."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 def best_roll(points: Array, target: Array) -> float:
-    """The turn (rad) of the target about x that brings it closest to the points in the mean square.
+    """Return the turn (rad) of the target about x that brings it closest to the points in the mean square.
 
     Both (n, 3), point by point; the optimum is in closed form, as in Kabsch's problem in a plane.
     """
@@ -82,7 +82,7 @@ def best_roll(points: Array, target: Array) -> float:
 
 
 def rolled(points: Array, angle_rad: float) -> Array:
-    """The points (n, 3) turned about x."""
+    """Return the points (n, 3) turned about x."""
     return np.asarray(points @ exp_map(np.array([angle_rad, 0.0, 0.0])).T)
 
 
@@ -96,6 +96,6 @@ class Distances:
 
     @staticmethod
     def between(points: Array, target: Array) -> Distances:
-        """Distances of points (n, 3) to those of the target with the same numbers."""
+        """Return distances of points (n, 3) to those of the target with the same numbers."""
         apart = np.linalg.norm(points - target, axis=1)
         return Distances(float(np.sqrt(np.mean(apart**2))), float(apart.mean()), float(apart.max()))

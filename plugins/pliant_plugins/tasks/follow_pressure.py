@@ -14,9 +14,9 @@ from pydantic import Field, model_validator
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.effect import Readings
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import Task
-from pliant.measurements.beginnings import led_in, with_known_states
+from pliant.measurements.beginnings import prepend_ramp, with_known_states
 from pliant.measurements.files import read_measurements
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
@@ -25,11 +25,11 @@ from pliant.records.design import Array
 from pliant.records.history import History, held
 from pliant.records.rollout import Equilibrium, Inputs, Rollout, TaskResult
 from pliant.units import Time
-from pliant_plugins.tasks.levels import MEASURED, Level, result_of
+from pliant_plugins.tasks.levels import MEASURED, Level, levels_result
 from pliant_plugins.tasks.ramp import ActuatedConfig
 from pliant_plugins.tasks.responses import sine_response, step_response, swings
 
-# What a run may have read that a rollout has.
+# Readings of a run that a rollout also has.
 READ = ("angle_rad", "elongation_strain", "tip_x_m", "tip_y_m", "tip_z_m")
 
 
@@ -54,7 +54,8 @@ class RecordingConfig(FrozenModel):
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One run: `fine` is its history with `parts` steps from sample to sample, led in where it begins in motion.
+    """One run: `fine` is its history with `parts` steps from sample to sample, with a ramp before if it begins in
+    motion.
 
     `outputs` (t,) are what was read at the samples; NaN where nothing was, or where the state was not known yet.
     """
@@ -64,7 +65,7 @@ class Recording:
     outputs: Mapping[str, Array]
 
     @staticmethod
-    def of(config: RecordingConfig, chain: ChainModel) -> Recording:
+    def from_config(config: RecordingConfig, chain: ChainModel) -> Recording:
         """Read it.
 
         Raises:
@@ -91,7 +92,7 @@ class Recording:
         if unknown := [output for output in config.outputs if output not in read]:
             raise UserError(f"{config.file} has no {unknown[0]}{closest(unknown[0], sorted(read))}")
         outputs = {output: read[output] for output in config.outputs or read}
-        return Recording(held(led_in([history])[0]).refined(config.parts), config.parts, outputs)
+        return Recording(held(prepend_ramp([history])[0]).refined(config.parts), config.parts, outputs)
 
     @property
     def read_at(self) -> slice:
@@ -101,13 +102,15 @@ class Recording:
     def errors(
         self, chain: ChainModel, rollout: Rollout, reported: Callable[[Readings], Readings]
     ) -> dict[str, float]:
-        """Root mean square of measured − model of each output, such as `angle_rmse_rad`, and the largest, `…_worst_…`.
+        """Return the RMS of measured − model of each output, such as `angle_rmse_rad`, and the largest, `…_worst_…`.
 
         Args:
             rollout: the motion at the recorded samples.
-            reported: what the sensors make of true readings.
+            reported: the sensors' readings from true ones.
         """
-        true = {name: values for name, values in readings_of(chain, rollout).items() if name in self.outputs}
+        true = {
+            name: values for name, values in true_readings(chain, rollout).items() if name in self.outputs
+        }
         seen = reported({**true, "time_s": rollout.time_s, "actuation": rollout.actuation.sum(axis=1)})
         numbers = {}
         for name in true:
@@ -121,14 +124,14 @@ class Recording:
 
 
 def error_names() -> tuple[str, ...]:
-    """Names of what `Recording.errors` may give."""
+    """Return the names of the errors that `Recording.errors` may return."""
     parts = [_named(name) for name in READ]
     return tuple(f"{stem}_{what}_{unit}" for stem, unit in parts for what in ("rmse", "worst"))
 
 
-def readings_of(chain: ChainModel, rollout: Rollout) -> dict[str, Any]:
-    """(t,) of each name in `READ` that the chain has, as it truly is."""
-    geometry = ChainGeometry.of(chain)
+def true_readings(chain: ChainModel, rollout: Rollout) -> dict[str, Any]:
+    """Return (t,) true values of each name in `READ` that the chain has."""
+    geometry = ChainGeometry.from_chain(chain)
     total = rollout.joint_angles[:, :, geometry.main].sum(axis=1)
     tip = dict(zip(READ[2:], rollout.markers_m[:, -1].T, strict=True))
     if geometry.kind == "prismatic":
@@ -203,11 +206,11 @@ class FollowPressureConfig(ActuatedConfig):
         return self
 
     def clock(self) -> Array:
-        """(t,) s, from 0 on."""
+        """Return times (t,) in s from 0."""
         return np.asarray(self.record_s * np.arange(max(1, round(self.duration_s / self.record_s)) + 1))
 
     def shares_at(self, time_s: Array) -> Array:
-        """(t,) of the full actuation; the first is what the chain has settled at."""
+        """Return (t,) shares of the full actuation; the chain has settled at the first."""
         if self.waveform == "sine":
             return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * time_s / self.period_s)))
         if self.waveform == "table":
@@ -217,12 +220,13 @@ class FollowPressureConfig(ActuatedConfig):
 
 
 class FollowPressure(Task):
-    """Drives the chain in time and measures its bend (the sum of main coordinates; extension on prismatic chains).
+    """A drive of the chain in time; its bend is measured (the sum of main coordinates; extension on prismatic chains).
 
-    Metrics beside those of the last sample: after a step or a release `mode_1_frequency_hz`, `mode_1_damping_ratio`,
-    the same of mode 2 (where the chain swings), `rise_time_s`, `settling_time_s`, `overshoot_share`; of a sine
-    `gain_share` (swing of the bend over that of a slow run between the same levels), `phase_rad` (negative lags) and
-    `not_sine_share`; of a recording the errors of what was read, such as `angle_rmse_rad` and `angle_worst_rad`.
+    Metrics in addition to those of the last sample: after a step or a release `mode_1_frequency_hz`,
+    `mode_1_damping_ratio`, the same of mode 2 (where the chain swings), `rise_time_s`, `settling_time_s`,
+    `overshoot_share`; of a sine `gain_share` (swing of the bend over that of a slow run between the same levels),
+    `phase_rad` (negative lags) and `not_sine_share`; of a recording the errors of what was read, such as
+    `angle_rmse_rad` and `angle_worst_rad`.
     """
 
     config: FollowPressureConfig
@@ -239,7 +243,7 @@ class FollowPressure(Task):
     def run(self, simulation: Simulation) -> TaskResult:
         config, chain = self.config, simulation.chain
         if config.recording is not None:
-            return _recorded(simulation, Recording.of(config.recording, chain))
+            return _recorded(simulation, Recording.from_config(config.recording, chain))
         full, times = config.actuation(chain), config.clock()
         shares = config.shares_at(times)
         levels = [
@@ -248,7 +252,7 @@ class FollowPressure(Task):
         ]
         slow = self._slow_span(simulation, full) if config.waveform == "sine" else 0.0
         found = _motion(simulation, levels)
-        result = result_of(chain, levels, found)
+        result = levels_result(chain, levels, found)
         bend = _bend(chain, np.array([one.joint_angles for one in found]))
         return replace(result, metrics={**result.metrics, **self._numbers(times, bend, slow)})
 
@@ -257,7 +261,7 @@ class FollowPressure(Task):
     ) -> Mapping[str, float]:
         if self.config.recording is None or result.rollout is None:
             return {}
-        return Recording.of(self.config.recording, chain).errors(chain, result.rollout, reported)
+        return Recording.from_config(self.config.recording, chain).errors(chain, result.rollout, reported)
 
     def _numbers(self, times: Array, bend: Array, slow: float) -> dict[str, Any]:
         config = self.config
@@ -286,21 +290,21 @@ class FollowPressure(Task):
 
 
 def _recorded(simulation: Simulation, recording: Recording) -> TaskResult:
-    """The chain under a run's inputs and loads, at the samples that were recorded."""
+    """Simulate the chain under a run's inputs and loads at the recorded samples."""
     history = recording.fine
     assert history.time_s is not None
     levels = [Level(t, history.at(k), f"{t:g} s") for k, t in enumerate(history.time_s.tolist())]
     found = _motion(simulation, levels)
-    return result_of(simulation.chain, levels[recording.read_at], found[recording.read_at])
+    return levels_result(simulation.chain, levels[recording.read_at], found[recording.read_at])
 
 
 def _bend(chain: ChainModel, coordinates: Array) -> Array:
-    """(t,) the sum of main coordinates of (t, n, a)."""
-    return np.asarray(coordinates[:, :, ChainGeometry.of(chain).main].sum(axis=1))
+    """Return the (t,) sum of main coordinates of (t, n, a)."""
+    return np.asarray(coordinates[:, :, ChainGeometry.from_chain(chain).main].sum(axis=1))
 
 
 def _motion(simulation: Simulation, levels: list[Level]) -> list[Equilibrium]:
-    """The chain at each level's time: settled at the first, moved from there on.
+    """Simulate the chain at each level's time: settled at the first, moving from then on.
 
     A moving chain is not in equilibrium, so its residual is not a number. Laws are checked under what is commanded.
     """
@@ -311,7 +315,7 @@ def _motion(simulation: Simulation, levels: list[Level]) -> list[Equilibrium]:
         simulation.apply(level.inputs)
         held = simulation.advance(level.time_s - before.time_s) and found[0].converged
         q = simulation.snapshot().position.copy()
-        loads = Loads.of(chain, level.inputs)
+        loads = Loads.from_inputs(chain, level.inputs)
         outside = efforts.outside_domain(q, loads.actuation, level.time_s)
         seen, carrier = simulation.markers(), simulation.carrier()
         found.append(Equilibrium(q, seen, float("nan"), held, None, 1, 0.0, tuple(outside), carrier))

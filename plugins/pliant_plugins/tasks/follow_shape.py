@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from pliant.config.chain import BaseConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import FrozenModel
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import Task
 from pliant.pipeline.chain import base_rotation
 from pliant.records.chain import ChainModel
@@ -23,7 +23,7 @@ from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.levels import MEASURED, as_list, backbone
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
-# A bent centre line is longer than the straight chain where its joints stand beside it: a helical module of 5 mm whose
+# A bent centre line is longer than the straight chain if its joints are off the line: a helical module of 5 mm whose
 # hinge is 3 mm away gains a third at 0.5 rad. Links stretch by 1 or 2 %, translational bellows by more.
 LONGER = 1.5
 OF_DISTANCES = tuple(one.name for one in fields(curves.Distances))
@@ -58,7 +58,7 @@ class TargetConfig(FrozenModel):
         return self
 
     def curve(self) -> Array:
-        """(n, 3) points in the base's frame, x along the chain."""
+        """Return (n, 3) points in the base's frame, x along the chain."""
         if self.points is not None:
             points = curves.read_points(self.points)
         else:
@@ -82,7 +82,7 @@ class FollowShapeConfig(DriveConfig):
 
 
 class FollowShape(Task):
-    """Ramps the actuation, then compares the chain's centre line with the target.
+    """A ramp of the actuation, then a comparison of the chain's centre line with the target.
 
     Both are resampled by normalised arc length, so that points correspond one to one: a backbone that has the
     target's shape but another length is not at distance zero.
@@ -132,7 +132,7 @@ class FollowShape(Task):
         return replace(result, metrics=metrics)
 
     def _frame(self, chain: ChainModel) -> Array:
-        """(3, 3) the frame in which the target stands."""
+        """Return the frame (3, 3) of the target."""
         frame = np.asarray(chain.base_rotation, float)
         if self.config.alignment != "direction":
             return frame

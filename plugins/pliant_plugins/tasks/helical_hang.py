@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import Task
 from pliant.records.chain import GRAVITY_M_S2
 from pliant.records.rollout import Inputs, TaskResult
@@ -19,7 +19,7 @@ from pliant_plugins.tasks.levels import (
     Level,
     as_list,
     backbone,
-    result_of,
+    levels_result,
     ring_positions,
     settle_levels,
     why_not_held,
@@ -39,7 +39,7 @@ class HelicalHangConfig(DriveConfig):
 
 
 class HelicalHang(Task):
-    """Ramps the actuation without a load, then settles under each load from the one before.
+    """A ramp of the actuation without a load, then equilibria under each load from the one before.
 
     A load is a force load · g at the tip, not a mass: the chain's gravity, or the standard one where it has none.
     """
@@ -59,7 +59,7 @@ class HelicalHang(Task):
             inputs = Inputs(full.inputs.actuation, load * down)
             levels.append(Level(full.time_s + number, inputs, f"{1e3 * load:g} g"))
         found = settle_levels(simulation, levels)
-        result = result_of(chain, levels, found, asked=range(first, len(levels)))
+        result = levels_result(chain, levels, found, asked=range(first, len(levels)))
         hung = found[first:]
         rings = np.array([ring_positions(chain, one.joint_angles) for one in hung])
         lines = np.array([resampled(backbone(chain, one.joint_angles), DRAWN) for one in hung])

@@ -1,4 +1,4 @@
-"""Levels of actuation and load that a chain is settled at, one from the other: what is measured, what did not hold."""
+"""Levels of actuation and load at which a chain is settled, one from the other: metrics and failed levels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from pliant.formatting import deformation_unit, effort_unit
 from pliant.formatting import number as written
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel, Ring
 from pliant.records.design import Array
@@ -21,21 +21,21 @@ OF_CHAINS = ("tip_x_m", "tip_y_m", "tip_z_m", "tip_displacement_m")
 OF_BENDING = ("bend_angle_rad", "max_joint_angle_rad")
 OF_EXTENSION = ("extension_m", "extension_strain")
 ON_MOUNTS = ("tip_on_mount_x_m", "tip_on_mount_y_m", "tip_on_mount_z_m", "mount_moved_m")
-# What `result_of` measures, of chains that bend and of chains that extend.
+# What `levels_result` measures, of chains that bend and of chains that extend.
 MEASURED = (*OF_CHAINS, *OF_BENDING, *OF_EXTENSION, *ON_MOUNTS, "unsettled_levels")
 
 
 def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
-    """Tip position, its distance from the straight chain's tip, and bending or extension of the joints.
+    """Return tip position, its distance from the straight chain's tip, and bending or extension of the joints.
 
     `bend_angle_rad` is the sum of the joints' main-axis angles, `max_joint_angle_rad` the largest turn of one
-    joint; prismatic chains have `extension_m` and `extension_strain` instead. On an arm the straight chain stands where
-    the arm has come to, and there is the tip in the frame of the mount, how far the mount is from where the arm
-    began, and `mount_joints`, what the arm's joints have come to (rad or m).
+    joint; prismatic chains have `extension_m` and `extension_strain` instead. On an arm the straight chain is in the
+    arm's final pose, and metrics include the tip in the frame of the mount, the distance of the mount from its initial
+    position, and `mount_joints`, the final joint coordinates of the arm (rad or m).
     """
-    geometry = ChainGeometry.of(chain)
+    geometry = ChainGeometry.from_chain(chain)
     straight: Array = geometry.markers(np.zeros_like(final.joint_angles))[-1]
-    tip, carrier = final.tip_m, final.carrier
+    tip, carrier = final.markers_m[-1], final.carrier
     if carrier is not None:
         straight = carrier.in_world(straight)
     metrics: dict[str, Any] = {
@@ -58,20 +58,20 @@ def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
 
 
 def ring_positions(chain: ChainModel, joint_angles: Array) -> Array:
-    """(r, 3) base, end of each segment and tip in the world at joint coordinates (n, a)."""
+    """Return (r, 3) base, end of each segment and tip in the world at joint coordinates (n, a)."""
     ends = (Ring(0, np.zeros(3)), Ring(chain.n_joints, np.asarray(chain.tip_offset_m, float)))
     return _placed(chain, chain.rings or ends, joint_angles)
 
 
 def backbone(chain: ChainModel, joint_angles: Array) -> Array:
-    """(k, 3) the centre line in the world as a polyline; the markers where it runs through the joints."""
+    """Return the (k,) polyline of the centre line in the world; the markers if it runs through the joints."""
     if not chain.centre_line:
-        return ChainGeometry.of(chain).markers(joint_angles)
+        return ChainGeometry.from_chain(chain).markers(joint_angles)
     return _placed(chain, chain.centre_line, joint_angles)
 
 
 def _placed(chain: ChainModel, points: Sequence[Ring], joint_angles: Array) -> Array:
-    pose = ChainGeometry.of(chain).forward(joint_angles)
+    pose = ChainGeometry.from_chain(chain).forward(joint_angles)
     return np.array([pose.origins[p.body] + pose.rotations[p.body] @ p.point_m for p in points])
 
 
@@ -83,7 +83,7 @@ FAR_TURN_RAD = np.pi
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Inputs to settle at; `time_s` stands in the history, `name` in sentences."""
+    """Inputs to settle at; `time_s` is used in the history, `name` in sentences."""
 
     time_s: float
     inputs: Inputs
@@ -91,7 +91,7 @@ class Level:
 
 
 def settle_levels(simulation: Simulation, levels: Iterable[Level]) -> list[Equilibrium]:
-    """The equilibrium of each level, reached from the one before."""
+    """Settle each level from the one before."""
     found = []
     for level in levels:
         simulation.apply(level.inputs)
@@ -99,14 +99,14 @@ def settle_levels(simulation: Simulation, levels: Iterable[Level]) -> list[Equil
     return found
 
 
-def result_of(
+def levels_result(
     chain: ChainModel, levels: Sequence[Level], found: Sequence[Equilibrium], asked: Sequence[int] = (-1,)
 ) -> TaskResult:
-    """The last level's equilibrium with metrics of it (of the last that held), and all levels as a history.
+    """Return the last level's equilibrium, metrics of the last valid one, and all levels as a history.
 
-    `iterations` and `wall_s` of the result are those of all levels; its `outside_domain` holds the worst entry of
-    each joint and variable over all of them. `asked` are the levels that the task is about: if one of them did not
-    hold, `not_reached` says which, why, and which level held last.
+    `iterations` and `wall_s` of the result are those of all levels; its `outside_domain` contains the worst entry of
+    each joint and variable over all of them. `asked` are the levels that the task requires: if one of them is not a
+    valid equilibrium, `not_reached` says which, why, and which level was the last valid one.
     """
     worst: dict[tuple[int, str], OutsideDomain] = {}
     for level, one in zip(levels, found, strict=True):
@@ -126,7 +126,7 @@ def result_of(
         actuation=np.array([[level.inputs.actuation[name] for name in inputs] for level in levels]),
         joint_angles=np.array([one.joint_angles for one in found]),
         markers_m=np.array([one.markers_m for one in found]),
-        carrier=Carrier.stacked([one.carrier for one in found]),
+        carrier=None if chain.mount is None else Carrier.stacked([one.carrier for one in found]),
     )
     unsettled = sum(not one.converged for one in found)
     not_reached, last_held = _not_reached(chain, levels, found, asked)
@@ -138,7 +138,7 @@ def result_of(
 
 
 def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
-    """Why this equilibrium holds nothing, as the end of a sentence about the chain; empty if it does."""
+    """Return why this equilibrium is not valid, as the end of a sentence about the chain; empty if it is."""
     if not found.converged and not found.at_rest:
         return "could not be followed: its motion ran away, or it did not settle at the first sample"
     if not found.converged:
@@ -149,7 +149,7 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
         law = chain.laws[joint.law]
         box = law.domain.deformation
         several = len(law.actuations)
-        acting = chain.actuators[slice(*chain.drives_of(joint))]
+        acting = chain.actuators[slice(*chain.actuator_range(joint))]
         for actuator in acting if several == 1 else acting[:1]:
             turned = q[None] @ actuator.turn(len(q))
             excess = law.domain.excess(law.unactuated(1), turned)[0, several:]
@@ -171,7 +171,7 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
 def _not_reached(
     chain: ChainModel, levels: Sequence[Level], found: Sequence[Equilibrium], asked: Sequence[int]
 ) -> tuple[str, int | None]:
-    """The sentence, and the place of the last level that held before the one that did not; empty where all hold."""
+    """Return sentence and the index of the last valid level before the first invalid one; empty if all are valid."""
     for index in sorted(k % len(levels) for k in asked):
         reason = why_not_held(chain, found[index])
         if reason:
@@ -184,6 +184,6 @@ def _not_reached(
 
 
 def as_list(points: Array) -> list[object]:
-    """An array as a metric: nested lists of numbers."""
+    """Return an array as a metric: nested lists of numbers."""
     listed: list[object] = np.asarray(points, float).tolist()
     return listed

@@ -10,13 +10,13 @@ from pydantic import Field, model_validator
 
 from pliant.errors import UserError
 from pliant.interfaces.input_levels import InputLevels
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import Task, TaskConfig
-from pliant.records.actuation import kind_of
+from pliant.records.actuation import actuation_kind
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Force, Mass, Pressure
-from pliant_plugins.tasks.levels import MEASURED, Level, result_of, settle_levels
+from pliant_plugins.tasks.levels import MEASURED, Level, levels_result, settle_levels
 
 
 class ActuatedConfig(TaskConfig):
@@ -38,15 +38,15 @@ class ActuatedConfig(TaskConfig):
         return self
 
     def canonical(self) -> dict[str, Any]:
-        """Without `inputs` where none are given, as keys of earlier results are."""
+        """Return the canonical form, without `inputs` if none are given, as in keys of earlier results."""
         return {name: value for name, value in super().canonical().items() if name != "inputs" or value}
 
     def is_driven_otherwise(self) -> bool:
-        """Whether something else says what acts, so that these may be left out."""
+        """Return whether another key defines the actuation, so that these may be omitted."""
         return False
 
     def actuation(self, chain: ChainModel) -> dict[str, float]:
-        """Full value of every input of the chain; see `driven`.
+        """Return full value of every input of the chain; see `driven`.
 
         Raises:
             UserError: the chain has no such input.
@@ -76,7 +76,7 @@ class DriveConfig(ActuatedConfig):
 
 
 def driven(chain: ChainModel, name: str, value: float) -> dict[str, float]:
-    """A value for every input of the chain.
+    """Return a value for every input of the chain.
 
     The drive goes to the input of its name or, where chambers or tendons are numbered, to the first; the others
     stay at zero.
@@ -98,18 +98,18 @@ def driven(chain: ChainModel, name: str, value: float) -> dict[str, float]:
 def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)) -> TaskResult:
     """Settle at each level of the actuation, loads constant; see `levels.result_of`."""
     levels = ramp_levels(simulation.chain, config, tip_force_n)
-    return result_of(simulation.chain, levels, settle_levels(simulation, levels))
+    return levels_result(simulation.chain, levels, settle_levels(simulation, levels))
 
 
 def ramp_levels(
     chain: ChainModel, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)
 ) -> list[Level]:
-    """Equal steps of the actuation from zero; their time is the share of the ramp, their name such as "12 kPa"."""
+    """Return equal steps of the actuation from zero; their time is the share of the ramp, their name e.g. "12 kPa"."""
     full = config.actuation(chain)
     shares = np.linspace(0.0, 1.0, config.steps) if config.steps > 1 else np.ones(1)
     force = np.array(tip_force_n, float)
     name, most = max(full.items(), key=lambda item: abs(item[1]))
-    factor, unit = (1e3, "kPa") if name.endswith("_pa") else (1.0, kind_of(name).unit)
+    factor, unit = (1e3, "kPa") if name.endswith("_pa") else (1.0, actuation_kind(name).unit)
     return [
         Level(
             share,
@@ -130,7 +130,7 @@ class FreeBendingConfig(DriveConfig):
 
 
 class FreeBending(Task):
-    """Ramps the actuation from zero and measures the settled chain."""
+    """A ramp of the actuation from zero and a measurement of the settled chain."""
 
     config: FreeBendingConfig
 
@@ -158,7 +158,7 @@ class TipLoadConfig(DriveConfig):
 
 
 class TipLoad(Task):
-    """Loads the tip, ramps the actuation from zero and measures the settled chain."""
+    """A loaded tip, a ramp of the actuation from zero and a measurement of the settled chain."""
 
     config: TipLoadConfig
 

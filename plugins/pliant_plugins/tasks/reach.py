@@ -11,16 +11,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pliant.errors import NotReachedError
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.study_loads import Actuation
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.inverse.answer import InverseAnswer
 from pliant.inverse.statics import InverseStatics
 from pliant.inverse.target import Target
+from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs, TaskResult
-from pliant.units import Force, Length, Time
+from pliant.units import Force, Length, Mass, Time
 from pliant_plugins.tasks import curves
-from pliant_plugins.tasks.levels import Level, result_of
+from pliant_plugins.tasks.levels import Level, levels_result
 
 
 class ReachConfig(TaskConfig):
@@ -41,6 +42,9 @@ class ReachConfig(TaskConfig):
     )
     push_n: tuple[Force, Force, Force] | None = Field(
         default=None, description="force that the tip gives to what it touches there, world"
+    )
+    payload_kg: Mass | None = Field(
+        default=None, ge=0.0, description="point mass at the tip; left out, the chain's own payload stays"
     )
     bounds: Mapping[str, tuple[Actuation, Actuation]] = Field(
         default_factory=dict, description="low and high of inputs; left out, the domain of the law"
@@ -71,15 +75,19 @@ class ReachConfig(TaskConfig):
 
 
 class Reach(Task):
-    """Looks for the actuations, and leaves the chain there, or where it comes closest.
+    """A search for the actuations of given targets; the chain ends there, or at the closest point.
 
     Metrics: each input's value at the end, `distance_m` (the largest of a path), `reached_share` of the targets.
     """
 
     config: ReachConfig
 
+    def prepare(self, chain: ChainModel) -> ChainModel:
+        """Return the chain with the task's payload at its tip."""
+        return chain if self.config.payload_kg is None else chain.with_(payload_kg=self.config.payload_kg)
+
     def targets(self) -> list[Target]:
-        """What shall be reached, in order."""
+        """Return the targets, in order."""
         config = self.config
         shared: dict[str, Any] = {
             "direction": None if config.direction is None else np.array(config.direction),
@@ -113,7 +121,7 @@ class Reach(Task):
             )  # begins at the branch that was found
             simulation.apply(level.inputs)
             found.append(simulation.settle())
-        result = result_of(chain, levels, found)
+        result = levels_result(chain, levels, found)
         away = np.array([one.distance_m for one in answers])
         metrics = {
             **result.metrics,
@@ -127,15 +135,15 @@ class Reach(Task):
 
 
 def _unsettled(simulation: Simulation, inverse: InverseStatics, said: str) -> TaskResult:
-    """The chain in the middle of its bounds, where it does not settle."""
+    """Return a result for a chain that does not settle in the middle of its bounds."""
     values = dict(zip(inverse.inputs, inverse.bounds.mean(axis=1).tolist(), strict=True))
     level = Level(0.0, Inputs(values), "the middle of the bounds")
     simulation.apply(level.inputs)
-    return replace(result_of(simulation.chain, [level], [simulation.settle()]), not_reached=said)
+    return replace(levels_result(simulation.chain, [level], [simulation.settle()]), not_reached=said)
 
 
 def _sentence(answers: list[InverseAnswer]) -> str:
-    """What was not reached; empty where all was."""
+    """Return a sentence on the targets that were not reached; empty if all were."""
     missed = [k for k, one in enumerate(answers) if not one.reached]
     if not missed:
         return ""

@@ -12,7 +12,7 @@ MOST_SAMPLES, FAINTEST, SMALLEST = 400, 1e-5, 1e-3
 
 
 def swings(time_step_s: float, signal: Array) -> list[tuple[float, float]]:
-    """Frequency (Hz, of the damped swing) and damping ratio of each mode in a free motion (t,), slowest first.
+    """Return frequency (Hz, of the damped swing) and damping ratio of each mode in a free motion (t,), slowest first.
 
     By the matrix pencil: the signal is a sum of decaying exponentials, a constant among them, and the poles are the
     eigenvalues that take its Hankel matrix one sample on (Hua & Sarkar, IEEE Trans. ASSP 38, 1990). Long signals are
@@ -39,10 +39,11 @@ def swings(time_step_s: float, signal: Array) -> list[tuple[float, float]]:
 
 
 def step_response(time_s: Array, signal: Array, tail: float = 0.1) -> dict[str, float]:
-    """Of a motion (t,) from rest after a step at `time_s[0]`, whose end is the mean of its last share `tail`.
+    """Evaluate a motion (t,) from rest after a step at `time_s[0]`; its final value is the mean of its last share
+    `tail`.
 
     `rise_time_s` from 10 to 90 % of the way, `settling_time_s` after which it stays within 5 %, `overshoot_share`
-    beyond the end. A number that the record does not show is left out.
+    beyond the final value. A number that cannot be determined from the record is left out.
     """
     end = float(np.mean(signal[-max(1, int(tail * len(signal))) :]))
     span = end - float(signal[0])
@@ -60,7 +61,7 @@ def step_response(time_s: Array, signal: Array, tail: float = 0.1) -> dict[str, 
 
 
 def _first_time(time_s: Array, way: Array, share: float) -> float | None:
-    """When the way first passes a share, between samples by a straight line."""
+    """Return the time at which the way first passes a share, interpolated linearly between samples."""
     beyond = np.flatnonzero(way >= share)
     if not len(beyond) or beyond[0] == 0:
         return None
@@ -70,9 +71,10 @@ def _first_time(time_s: Array, way: Array, share: float) -> float | None:
 
 
 def sine_response(time_s: Array, signal: Array, frequency_hz: float) -> tuple[complex, float]:
-    """The first harmonic of the last whole periods in the later half: amplitude with phase, and what it leaves.
+    """Fit the first harmonic to the last whole periods of the second half; return its complex amplitude and the
+    residual.
 
-    The amplitude A is that of Re(A e^{iωt}); what is left is the root mean square of the rest (harmonics, transients).
+    The amplitude A is that of Re(A e^{iωt}); the residual is the root mean square of the rest (harmonics, transients).
     """
     periods = max(1, int(0.5 * (time_s[-1] - time_s[0]) * frequency_hz))
     late = time_s > time_s[-1] - periods / frequency_hz

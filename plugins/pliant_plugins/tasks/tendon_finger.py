@@ -10,18 +10,19 @@ from numpy.polynomial import polynomial
 from pydantic import Field, model_validator
 from scipy.optimize import brentq
 
-from pliant.interfaces.physics import Simulation, SimulationState
+from pliant.interfaces.simulation import Simulation, SimulationState
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.records.chain import GRAVITY_M_S2, ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Cord, Equilibrium, Inputs, TaskResult
 from pliant.units import Force, Length, Mass
-from pliant_plugins.tasks.levels import MEASURED, Level, as_list, result_of, why_not_held
+from pliant_plugins.tasks.levels import MEASURED, Level, as_list, levels_result, why_not_held
 from pliant_plugins.tasks.ramp import driven
 
 # Tendon length of one joint (m) by powers of its angle (rad), as the study gives it in mm.
 STUDY_LENGTH_M = (27.297e-3, -2.4933e-3, -1.2698e-3)
 STEP_N = 0.5
+FORCE_MAX_N = 50.0
 
 
 class TendonFingerConfig(TaskConfig):
@@ -32,12 +33,15 @@ class TendonFingerConfig(TaskConfig):
     tendon_travel_m: Length | None = Field(
         default=None, ge=0, description="length pulled in, for which the force is found"
     )
-    force_max_n: Force = Field(default=50.0, gt=0, description="largest force that is tried for the travel")
+    force_max_n: Force = Field(
+        default=FORCE_MAX_N, gt=0, description="largest force that is tried for the travel"
+    )
     payload_kg: Mass = Field(default=0.0, ge=0, description="weight on a cord from the tip over the pulley")
     pulley_m: tuple[Length, Length, Length] | None = Field(
         default=None,
         description="where the pulley stands in the world; without one the weight hangs at the tip",
     )
+    bare_keys = ("tendon_length_m",)
     tendon_length_m: tuple[float, ...] = Field(
         default=STUDY_LENGTH_M,
         min_length=1,
@@ -48,11 +52,16 @@ class TendonFingerConfig(TaskConfig):
     def _one_drive(self) -> TendonFingerConfig:
         if (self.tendon_force_n is None) == (self.tendon_travel_m is None):
             raise ValueError("give exactly one of 'tendon_force' and 'tendon_travel'")
+        # Canonical JSON, from which workers read a study, states the default too.
+        if self.tendon_force_n is not None and self.force_max_n != FORCE_MAX_N:
+            raise ValueError(
+                "'force_max' is for a search by 'tendon_travel'; leave it out beside 'tendon_force'"
+            )
         return self
 
 
 class TendonFinger(Task):
-    """Hangs the weight, pulls the tendon in steps of 0.5 N, and measures force, travel and tip.
+    """A finger with a hanging weight whose tendon is pulled in steps of 0.5 N; force, travel and tip are measured.
 
     The travel is Σ L(0) − L(θ) over the joints, with L the tendon length of one joint. The force for a given
     travel is found between the two steps that enclose it, by Brent's method.
@@ -94,7 +103,7 @@ class _Pull:
         return self.travel()
 
     def travel(self) -> float:
-        """Length pulled in at the last level, m."""
+        """Return length pulled in at the last level, m."""
         return travel_m(self.found[-1].joint_angles, self.config.tendon_length_m)
 
     def find(self, travel: float) -> str:
@@ -118,7 +127,7 @@ class _Pull:
             before = self.simulation.snapshot()
             reached = self.settle(high)
         if reached > travel:
-            # Trials leave no trace: each starts from the last level below, and the history goes on from there.
+            # Trials are not recorded: each starts from the last level below, and the history continues from there.
             def missed(force: float) -> float:
                 self._take_back(before)
                 return self.settle(force) - travel
@@ -134,8 +143,8 @@ class _Pull:
         self.simulation.restore(state)
 
     def result(self, problem: str = "") -> TaskResult:
-        """Metrics of the last level; the history holds all of them."""
-        result = result_of(self.chain, self.levels, self.found)
+        """Return metrics of the last level and all levels as the history."""
+        result = levels_result(self.chain, self.levels, self.found)
         name = next(iter(driven(self.chain, "tendon_force_n", 0.0)))
         metrics: dict[str, Any] = {
             **result.metrics,
@@ -147,13 +156,13 @@ class _Pull:
 
 
 def travel_m(joint_angles: Array, tendon_length_m: tuple[float, ...]) -> float:
-    """Σ L(0) − L(θ) over the joints' angles (n, 1), in m."""
+    """Return Σ L(0) − L(θ) over the joints' angles (n, 1), in m."""
     length = polynomial.polyval(joint_angles[:, 0], np.array(tendon_length_m))
     return float(np.sum(tendon_length_m[0] - length))
 
 
 def _load(chain: ChainModel, config: TendonFingerConfig) -> tuple[tuple[Cord, ...], Array]:
-    """The weight as a cord over the pulley, or as a dead force at the tip (3,)."""
+    """Return the weight as a cord over the pulley, or as a dead force at the tip (3,)."""
     weight = config.payload_kg * float(np.linalg.norm(chain.gravity_m_s2) or np.linalg.norm(GRAVITY_M_S2))
     if config.pulley_m is None or weight == 0.0:
         return (), weight * np.array([0.0, 0.0, -1.0])

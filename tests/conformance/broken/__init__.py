@@ -1,4 +1,4 @@
-"""Small plugins: one good one per interface, and a table of what is changed in it and the check that must find it."""
+"""Small plugins: one correct plugin per interface, and a table of modifications with the check that must fail."""
 
 from __future__ import annotations
 
@@ -11,32 +11,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pliant.registry.component import INTERFACES, Component
+from pliant.registry.component import Component
+from pliant.registry.interface import interfaces
 
-SUITES = ("common", *INTERFACES)
+SUITES = ("common", *interfaces())
 
 
 @dataclass(frozen=True)
 class Broken:
-    """A broken component and the check that must find it."""
+    """A broken component and the check that must detect it."""
 
     check: str
     component: Component
 
 
 class Variants:
-    """The broken variants of one good component."""
+    """The broken variants of one correct component."""
 
     def __init__(self, good: Component) -> None:
         self.good = good
         self.all: list[Broken] = []
 
     def add(self, check: str, **changes: Any) -> None:
-        """A component whose manifest entry is changed."""
+        """Add a component whose manifest entry is changed."""
         self.all.append(Broken(check, replace(self.good, **changes)))
 
     def by_config(self, check: str) -> Callable[[type], type]:
-        """Decorator: a config model that breaks one check."""
+        """Return a decorator that adds a config model that breaks one check."""
 
         def register(cls: type) -> type:
             self.add(check, config=f"{cls.__module__}:{cls.__name__}")
@@ -44,10 +45,10 @@ class Variants:
 
         return register
 
-    def of(self, base: type, part: str = "") -> Callable[..., None]:
-        """Rows of the table: the check, and by name the members of `base` that are changed, or of a part of it.
+    def row_adder(self, base: type, part: str = "") -> Callable[..., None]:
+        """Return a function that adds a row: the check, and by name the changed members of `base` or of a part of it.
 
-        A function is a method; before `self` it gets the good method that it replaces. A part is the class that
+        A function is a method; before `self` it gets the original method that it replaces. A part is the class that
         `base` has as this attribute, or as an attribute of one ("laws.made").
         """
 
@@ -78,13 +79,13 @@ def _method(base: type, name: str, function: Callable[..., Any]) -> Callable[...
 
 
 def good(interface: str) -> Component:
-    """The good component of an interface."""
+    """Return the correct component of an interface."""
     variants: Variants = importlib.import_module(f"{__name__}.{interface}").variants
     return variants.good
 
 
-def of(suite: str) -> list[Broken]:
-    """The broken components of a suite: those of its module, and of modules `<suite>_...` that add to them."""
+def broken_components(suite: str) -> list[Broken]:
+    """Return the broken components of a suite, from its module and from modules `<suite>_...` that extend them."""
     variants: Variants = importlib.import_module(f"{__name__}.{suite}").variants
     for module in pkgutil.iter_modules(__path__):
         if module.name.startswith(f"{suite}_"):

@@ -1,4 +1,4 @@
-"""Components whose config, example or manifest entry is wrong; the good one is the small solid."""
+"""Components with a wrong config, example or manifest entry; the correct one is the small solid."""
 
 from typing import Any, Literal
 
@@ -27,28 +27,28 @@ class OtherBlock(TaskConfig):
 
 @variants.by_config("config_names_its_kind")
 class AnyKind(SolidConfig):
-    """Accepts any kind."""
+    """A config that accepts any kind."""
 
     kind: str = "small"  # type: ignore[assignment]
 
 
 @variants.by_config("config_refuses_unknown_keys")
 class Lenient(SolidConfig):
-    """Ignores what it does not know."""
+    """A config that ignores unknown keys."""
 
     model_config = ConfigDict(extra="ignore")
 
 
 @variants.by_config("config_is_frozen")
 class Mutable(SolidConfig):
-    """May be changed after validation."""
+    """A config that can be changed after validation."""
 
     model_config = ConfigDict(frozen=False)
 
 
 @variants.by_config("config_survives_json")
 class OneWay(SolidConfig):
-    """Serialises a number as a text that it does not read back alike."""
+    """A config that serialises a number as a text that it reads back differently."""
 
     @field_serializer("lame_pa")
     def _rounded(self, value: float) -> float:
@@ -57,22 +57,22 @@ class OneWay(SolidConfig):
 
 @variants.by_config("quantities_carry_their_unit")
 class NoUnit(SolidConfig):
-    """A length whose name does not say so."""
+    """A config with a length whose name does not state its unit."""
 
     grain: Length = 1e-3
 
 
 def _rounding(up: Any, self: Any, config: SolidConfig) -> None:
-    config.__dict__["lame_pa"] = 1e5  # behind pydantic's back
+    config.__dict__["lame_pa"] = 1e5  # bypasses pydantic
     up(config)
 
 
 class Anything:
-    """Of no interface, with a config."""
+    """A component without an interface, with a config."""
 
     def __init__(self, config: SolidConfig) -> None:
         self.config = config
 
 
-variants.of(Anything)("implementation_fills_the_interface", energy=None)
-variants.of(Solid)("building_leaves_the_config_alone", __init__=_rounding)
+variants.row_adder(Anything)("implementation_fills_the_interface", energy=None)
+variants.row_adder(Solid)("building_leaves_the_config_alone", __init__=_rounding)

@@ -1,4 +1,4 @@
-"""Good effects, an actuation gain at the law and as a law term, and effects that reach where they should not."""
+"""Correct effects, an actuation gain at the law and as a law term, and effects that change what they should not."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 from tests.conformance.broken import Variants
 
 from pliant.interfaces.effect import Effect, EffectConfig, Model, Place, parameter
-from pliant.mechanics.law_around import LawAround
+from pliant.mechanics.law_around import LawWrapper
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.law import Effort
@@ -28,7 +28,7 @@ class GainConfig(EffectConfig):
 
 
 @dataclass(frozen=True, eq=False)
-class GainedLaw(LawAround):
+class GainedLaw(LawWrapper):
     """τ(g p, u)."""
 
     gain: float
@@ -39,7 +39,7 @@ class GainedLaw(LawAround):
 
 
 class Gain(Effect):
-    """Wraps every law."""
+    """An effect that wraps every law."""
 
     place: ClassVar[Place] = "law"
     exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps")
@@ -52,7 +52,7 @@ class Gain(Effect):
 
 
 class TermGain(Gain):
-    """The same gain as a law term; parts of it break the term."""
+    """The same gain as a law term; changing parts of it breaks the term."""
 
     term: ClassVar[LawTerm]
 
@@ -61,14 +61,14 @@ class TermGain(Gain):
 
 
 class Misspelt(Gain):
-    """Reads a parameter that its config does not have; no single check is about this."""
+    """An effect that reads a parameter missing from its config; no single check covers this."""
 
     def apply(self, model: Model) -> Model:
         return model.with_(chain=model.chain.with_(payload_kg=self.config.gian))  # type: ignore[attr-defined]
 
 
 class Misstated(Gain):
-    """States its config again and misspells a key; no single check is about this."""
+    """An effect that repeats its config with a misspelt key; no single check covers this."""
 
     def apply(self, model: Model) -> Model:
         return Gain(GainConfig(gian=self.config.gain)).apply(model)  # type: ignore[call-arg]
@@ -77,49 +77,49 @@ class Misstated(Gain):
 variants = Variants(
     Component("effect", "small", f"{__name__}:GainConfig", f"{__name__}:Gain", "a gain", {"gain": 1.1})
 )
-broken, broken_law = variants.of(Gain), variants.of(Gain, "law")
+broken, broken_law = variants.row_adder(Gain), variants.row_adder(Gain, "law")
 
 # -- declarations
 
 
 @variants.by_config("declares_place_and_parameters")
 class UnknownUnit(GainConfig):
-    """A parameter in a unit that nobody reads."""
+    """A config with a parameter in an unknown unit."""
 
     gain: float = parameter(unit="furlong^^2", **PARAMETER)
 
 
 @variants.by_config("has_a_strength")
 class OnlyShape(GainConfig):
-    """Calls its gain a shape."""
+    """An effect that declares its gain as a shape."""
 
     gain: Ratio = parameter(**PARAMETER, role="shape")
 
 
 @variants.by_config("has_a_strength")
 class NothingToFit(GainConfig):
-    """A plain field."""
+    """An effect with a plain field and nothing to fit."""
 
     gain: Ratio = 1.0
 
 
 @variants.by_config("says_where_a_simpler_form_is_enough")
 class SilentAtItsBound(GainConfig):
-    """A shape that begins at its bound, of which a fit there would be an alarm."""
+    """An effect with a shape that starts at its bound, so that a fit ending there would raise an alarm."""
 
     rise: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.1, 0.5), role="shape")
 
 
 @variants.by_config("config_keeps_the_bounds")
 class NarrowConfig(GainConfig):
-    """A second limit that the parameter does not know."""
+    """A config with a second limit that the parameter does not have."""
 
     gain: Annotated[Ratio, Field(le=5.0)] = parameter(**PARAMETER)
 
 
 @variants.by_config("config_keeps_the_bounds")
 class WideConfig(GainConfig):
-    """Takes any number."""
+    """A config that accepts any number."""
 
     @field_validator("gain", mode="wrap")
     @classmethod
@@ -129,7 +129,7 @@ class WideConfig(GainConfig):
 
 @variants.by_config("neutral_values_change_nothing")
 class NeverNeutral(GainConfig):
-    """Neutral is said to be 0.9."""
+    """An effect that declares 0.9 as its neutral value."""
 
     gain: Ratio = parameter(**{**PARAMETER, "neutral": 0.9})
 
@@ -140,7 +140,7 @@ broken("declares_place_and_parameters", place="nowhere")
 
 
 def mapped(check: str, function: Callable[[float, Any], Any], place: str = "input") -> None:
-    """A row: the effect is a map of inputs or readings, a function of the gain and of what it maps."""
+    """Add a row: the effect is a map of inputs or readings, a function of the gain and of the mapped value."""
 
     def apply(up: Any, self: Any, model: Model) -> Model:
         mapping = {"input": model.with_input, "output": model.with_output}[place]
@@ -188,7 +188,7 @@ mapped(
     "output",
 )
 
-# -- effects that a diagnosis would not find: no run is named, a run shows nothing, a neighbour in disguise
+# -- effects that a diagnosis would not find: no run is named, a run shows nothing, a mimic of another effect
 
 CHECK = "is_found_when_injected"
 broken(CHECK, exciting=())
@@ -202,11 +202,11 @@ broken(CHECK, notes=replace(Gain.notes, look_alike="actuation_gain"))
 def broken_term(
     check: str, n_states: int = 0, needs_time: bool = True, is_inertia: bool = False
 ) -> Callable[[Any], Any]:
-    """Decorator: a function of a law term that breaks one check."""
+    """Return a decorator for a function of a law term that breaks one check."""
 
     def register(function: Any) -> Any:
         term = replace(LawTerm("moment", function, (), n_states, False, needs_time), is_inertia=is_inertia)
-        variants.of(TermGain)(check, term=term)
+        variants.row_adder(TermGain)(check, term=term)
         return function
 
     return register
@@ -247,7 +247,7 @@ def _by_text(u, rate, dt, p, t, old, new, c):
 
 @broken_term("terms_are_the_same_compiled", needs_time=False)
 def _overflows(u, rate, dt, p, t, old, new, c):
-    picoradians = int(1e12 * u)  # only Python lets integers grow
+    picoradians = int(1e12 * u)  # only Python integers are unbounded
     return 1e-25 * c[0] * float(picoradians * picoradians)
 
 
@@ -263,12 +263,12 @@ def _drives(u, rate, dt, p, t, old, new, c):
 
 @broken_term("terms_do_not_count_samples", n_states=1)
 def _forgets(u, rate, dt, p, t, old, new, c):
-    new[0] = 0.9 * old[0] + 0.1 * u  # a tenth per sample, however long that is
+    new[0] = 0.9 * old[0] + 0.1 * u  # a tenth per sample, independent of its duration
     return 0.01 * c[0] * (new[0] - u)
 
 
 @broken_term("terms_do_not_count_samples", n_states=2, is_inertia=True)
 def _lags(u, rate, dt, p, t, old, new, c):
     new[0] = old[0] + 0.2 * (rate - old[0])
-    new[1] = new[0] - old[0]  # an acceleration from sample to sample
+    new[1] = new[0] - old[0]  # an acceleration computed from sample to sample
     return -0.2 * c[0] * c[0] * new[1]

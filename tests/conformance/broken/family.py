@@ -1,4 +1,4 @@
-"""A good family, the box with its cavity off the axis, and bodies that are none."""
+"""A correct family, the box with its cavity off the axis, and invalid bodies."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,8 +12,10 @@ from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.hexahedra import cell_volumes
 from pliant.records.design import MassProperties, ModuleMass
 from pliant.records.fem import Link, ModuleProblem
+from pliant.records.law import Domain
 from pliant.registry.component import Component
 from pliant.testing.box import BoxShape, box_problem
+from pliant.testing.samples import linear_law
 from pliant.units import Length
 
 
@@ -73,28 +75,28 @@ class Box(ActuatorFamily):
 
 
 class PlainNumbers(BoxConfig):
-    """A gap in whatever unit."""
+    """A gap without a unit type."""
 
     gap: float = 1.5e-3
 
 
 variants = Variants(Component("family", "small", f"{__name__}:BoxConfig", f"{__name__}:Box", "a box"))
-broken = variants.of(Box)
+broken = variants.row_adder(Box)
 variants.add("parameters_have_units", config=f"{__name__}:PlainNumbers")
 
 
 def meshed(check: str, change: Callable[[ModuleProblem], dict[str, Any]]) -> None:
-    """A row: fields of the good problem's mesh are changed."""
+    """Add a row: fields of the correct problem's mesh are changed."""
     broken(check, problem=lambda up, self, *a, **k: _remeshed(up(*a, **k), change))
 
 
 def posed(check: str, **changes: Any) -> None:
-    """A row: fields of the good problem are others."""
+    """Add a row: fields of the correct problem are changed."""
     broken(check, problem=lambda up, self, *a, **k: replace(up(*a, **k), **changes))
 
 
 def weighed(check: str, change: Callable[[ModuleMass], ModuleMass]) -> None:
-    """A row: the good mass is changed."""
+    """Add a row: the correct mass is changed."""
     broken(check, mass=lambda up, self, density: change(up(density)))
 
 
@@ -103,7 +105,7 @@ def _remeshed(problem: ModuleProblem, change: Callable[[ModuleProblem], dict[str
 
 
 def _cracked(problem: ModuleProblem) -> dict[str, Any]:
-    """The last cell has nodes of its own; the old ones that only it used go."""
+    """Return fields of the mesh whose last cell has separate nodes; old nodes that only it used are removed."""
     mesh = problem.mesh
     own = np.arange(27) + len(mesh.nodes_m)
     nodes = np.concatenate([mesh.nodes_m, mesh.nodes_m[mesh.cells[-1]]])
@@ -149,16 +151,20 @@ meshed("cavity_faces_point_into_the_cavity", lambda p: {"cavity": p.mesh.cavity[
 meshed("cavity_is_closed", lambda p: {"cavity": p.mesh.cavity[:-1]})
 meshed("end_sections_are_plane", _short_end)
 posed("supports_hold_the_body", fixed={"start": (0,), "end": (0,), "symmetry": (1,)})
+broken(
+    "closed_form_matches_the_module",
+    closed_form=lambda up, self, material: linear_law(domain=Domain.unbounded(1)),
+)
 broken("couplings_are_possible", problem=_tied_to_itself)
-broken("smaller_pieces_are_of_the_same_module", problem=_half_forgotten)
+broken("smaller_pieces_share_the_module", problem=_half_forgotten)
 broken("refinement_refines", problem=lambda up, self, *a, **k: up(1))
 broken("refinement_refines", refines=False)
 posed("piece_fits_the_module", deformation_scale=4.0)
 posed("axes_fit_the_joint", main_axis="z")
-broken("mass_is_that_of_the_mesh", mass=lambda up, self, density: up(density / 2))
+broken("mass_matches_the_mesh", mass=lambda up, self, density: up(density / 2))
 broken("mass_scales_with_density", mass=lambda up, self, density: up(1000.0))
 weighed("mass_scales_with_density", _dead_weight)
-meshed("regions_are_cells_of_the_mesh", lambda p: {"regions": {"floor": np.array([0])}})
+meshed("regions_are_mesh_cells", lambda p: {"regions": {"floor": np.array([0])}})
 broken(
     "mass_counts_regions_with_their_density",
     regions=("floor",),

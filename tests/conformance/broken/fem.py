@@ -1,4 +1,4 @@
-"""The shipped scikit-fem backend as the good one, and wrappers that falsify its states one by one."""
+"""The shipped scikit-fem backend as the correct one, and wrappers that falsify its states one at a time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAIN_AXIS = {"moment_n_m": "tau", "dmoment_dp": "dtau_dp", "dmoment_du": "dtau_d
 
 
 def altered(state: FemState, **changes: float) -> FemState:
-    """The state with some of its main axis's values changed."""
+    """Return the state with some values of its main axis changed."""
     arrays = {
         MAIN_AXIS[name]: np.full_like(getattr(state, MAIN_AXIS[name]), v) for name, v in changes.items()
     }
@@ -33,7 +33,7 @@ KNOWN: dict[Any, Any] = {}
 
 
 def known(problem: ModuleProblem, what: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-    """What the good backend makes of one of the suite's problems: solved once for all broken ones."""
+    """Return the correct backend's result for a problem of the suite, solved once for all broken backends."""
     key = (problem.energy_scale, *problem.requirements, problem.axes, problem.joint, problem.actuation, *what)
     if key not in KNOWN:
         KNOWN[key] = make()
@@ -41,7 +41,7 @@ def known(problem: ModuleProblem, what: tuple[Any, ...], make: Callable[[], Any]
 
 
 class Wrapped(ModuleSolver):
-    """Passes everything on; `seen` may change each state."""
+    """A solver that forwards all calls; `seen` may change each state."""
 
     def __init__(self, inner: ModuleSolver, problem: ModuleProblem) -> None:
         self.inner, self.problem = inner, problem
@@ -75,17 +75,17 @@ class Falsified(Skfem):
 
 
 variants = Variants(next(c for c in pliant_components() if c.interface == "fem" and c.kind == "skfem"))
-broken = variants.of(Falsified, "wrapper")
+broken = variants.row_adder(Falsified, "wrapper")
 
 
 def seen(check: str, change: Any) -> None:
-    """A row: every state is seen with these values; given the solver too where the function wants it."""
+    """Add a row: every state is returned with these values; the function also gets the solver if it accepts it."""
     wants = len(signature(change).parameters)
     broken(check, seen=lambda up, self, state: change(*(self, state)[-wants:]))
 
 
 def held(check: str, change: Any) -> None:
-    """A row: a good constrained state is changed, given actuation and start."""
+    """Add a row: a correct constrained state is changed, given actuation and start."""
     broken(
         check,
         constrained=lambda up, self, actuation, held, start: change(
@@ -194,16 +194,16 @@ held(
 broken("deformed_nodes_follow_the_bend", deformed_nodes=_unturned)
 broken("fields_stand_at_the_nodes", fields=_undisplaced)
 broken("says_when_it_does_not_converge", free=_careless)
-variants.of(Falsified)(
+variants.row_adder(Falsified)(
     "refuses_unknown_problems",
     solver=lambda up, self, problem, material: up(replace(problem, frame="rod"), material),
 )
-variants.of(Falsified)(
+variants.row_adder(Falsified)(
     "refuses_unknown_problems",
     solver=lambda up, self, problem, material: up(replace(problem, requires=frozenset()), material),
 )
-variants.of(Falsified)(
-    "regions_are_of_their_own_material",
+variants.row_adder(Falsified)(
+    "regions_have_their_own_material",
     solver=lambda up, self, problem, material: up(_plain(problem), material.with_regions({})),
 )
 seen("states_have_all_axes", lambda s: replace(s, tau=s.tau[[s.main]]))

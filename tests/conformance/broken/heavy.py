@@ -1,4 +1,4 @@
-"""A config module that imports what only its implementation needs."""
+"""A config module that imports a library that only its implementation needs."""
 
 import sqlite3
 

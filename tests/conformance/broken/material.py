@@ -1,4 +1,4 @@
-"""A good compressible solid, and the ways to get its derivatives and symmetries wrong."""
+"""A correct compressible solid, and variants with wrong derivatives and symmetries."""
 
 from dataclasses import replace
 from typing import Any, Literal
@@ -21,7 +21,7 @@ class SolidConfig(CiarletConfig):
 
 
 class Solid(Ciarlet):
-    """The stand-in solid under a kind of its own."""
+    """The stand-in solid registered under a different kind."""
 
 
 class GramsConfig(SolidConfig):
@@ -33,7 +33,7 @@ class GramsConfig(SolidConfig):
 variants = Variants(
     Component("material", "small", f"{__name__}:SolidConfig", f"{__name__}:Solid", "a small solid")
 )
-broken = variants.of(Solid)
+broken = variants.row_adder(Solid)
 variants.add("has_a_density", config=f"{__name__}:GramsConfig")
 
 
@@ -42,7 +42,7 @@ def _without_volume(up: Any, self: Any, F: Array) -> Hyperelastic:
     return replace(up(F), stress=up(F).stress - self.config.lame_pa * log_j * G)
 
 
-def _of_linear_strain(up: Any, self: Any, F: Array) -> Array:
+def _linear_strain_stress(up: Any, self: Any, F: Array) -> Array:
     strain = (F + np.swapaxes(F, -1, -2)) / 2 - UNIT
     return np.asarray(self.config.shear_modulus_pa * np.einsum("...ij,...ij->...", strain, strain))
 
@@ -73,11 +73,11 @@ broken(
     "tangent_is_the_stress_slope",
     evaluate=lambda up, self, F: replace(up(F), tangent=np.swapaxes(up(F).tangent, -1, -2)),
 )
-broken("ignores_rotations_of_the_frame", energy=_of_linear_strain)
+broken("is_frame_indifferent", energy=_linear_strain_stress)
 broken("is_isotropic", energy=_with_fibres)
 broken("states_its_moduli", evaluate=_soft_in_shear)
 broken("states_its_moduli", shear_modulus_pa=property(lambda self: -self.config.shear_modulus_pa))
 broken("states_its_moduli", bulk_modulus_pa=property(lambda self: self.config.lame_pa))
 broken("remarks_are_sentences", remarks=lambda up, self: ("soft",))
-broken("takes_points_of_any_shape", evaluate=lambda up, self, F: up(F.reshape(-1, 3, 3)))
+broken("accepts_points_in_any_shape", evaluate=lambda up, self, F: up(F.reshape(-1, 3, 3)))
 broken("leaves_its_input_alone", energy=_scaling_in_place)

@@ -1,4 +1,4 @@
-"""The stand-in meta-model, and models over designs that cheat, forget or jump."""
+"""The stand-in meta-model, and models over designs that leak data, lose state or are discontinuous."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.conformance.broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel
 from pliant.records.design import Array
-from pliant.records.law import Effort, LawRecord
+from pliant.records.law import Effort, LawRecord, ScalarLaw
 from pliant.records.solved import SolvedDesigns
 from pliant.registry.component import Component
 from pliant.testing.meta_model_stand_in import StandInLaws, StandInMetaModel, StandInMetaModelConfig
@@ -19,13 +19,13 @@ from pliant.testing.samples import EnergyLaw
 
 
 class SmallConfig(StandInMetaModelConfig):
-    """No settings."""
+    """The config of a meta-model without settings."""
 
     kind: Literal["small"] = "small"  # type: ignore[assignment]
 
 
 class SmallLaws(StandInLaws):
-    """Its record names the kind that reads it; `made` is the class of its laws."""
+    """Laws whose record names the kind that reads it; `made` is the class of its laws."""
 
     made: ClassVar[type[EnergyLaw]] = EnergyLaw
 
@@ -38,7 +38,7 @@ class SmallLaws(StandInLaws):
 
 
 def _as(cls: type[Any], one: Any) -> Any:
-    """The same frozen value in another class."""
+    """Return the same frozen value as an instance of another class."""
     return cls(**{f.name: getattr(one, f.name) for f in fields(one)})
 
 
@@ -66,11 +66,11 @@ variants = Variants(
         "terms quadratic in the parameters",
     )
 )
-broken, broken_laws, broken_law = (variants.of(Small, part) for part in ("", "laws", "laws.made"))
+broken, broken_laws, broken_law = (variants.row_adder(Small, part) for part in ("", "laws", "laws.made"))
 
 
 def refitted(check: str, change: Any) -> None:
-    """A row: the good fit of data of which fields are changed, design by design."""
+    """Add a row: the correct fit of data of which fields are changed, design by design."""
     broken(
         check,
         fit=lambda up, self, designs: up(
@@ -92,7 +92,7 @@ def _soft(up: Any, self: Any, values: Array) -> EnergyLaw:
 
 
 def _circulating(up: Any, self: Any, p: Array, u: Array) -> Effort:
-    """x drives z and z drives x back."""
+    """Add an effort by which x drives z and z drives x in the opposite sense."""
     good: Effort = up(p, u)
     around = 1e-3 * np.array([[0.0, 0, 1], [0, 0, 0], [-1, 0, 0]])
     if u.shape[1] < 3:
@@ -100,7 +100,7 @@ def _circulating(up: Any, self: Any, p: Array, u: Array) -> Effort:
     return replace(good, tau=good.tau + u @ around.T, dtau_du=good.dtau_du + around)
 
 
-def _of_one_box(up: Any, self: Any, values: Array) -> EnergyLaw:
+def _one_box_law(up: Any, self: Any, values: Array) -> EnergyLaw:
     law: EnergyLaw = up(values)
     return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
 
@@ -110,7 +110,7 @@ def _nan_outside(up: Any, self: Any, p: Array, u: Array) -> Effort:
     return replace(up(p, u), tau=np.where(outside[:, None], np.nan, up(p, u).tau))
 
 
-def _of_the_nearest(up: Any, self: Any, values: Array) -> EnergyLaw:
+def _nearest_law(up: Any, self: Any, values: Array) -> EnergyLaw:
     low, high = self.box.T
     law: EnergyLaw = up(low + np.round((values - low) / (high - low) * 3) / 3 * (high - low))
     return law
@@ -136,6 +136,10 @@ def _fitting_anything(up: Any, self: Any, designs: SolvedDesigns) -> Any:
         return up(replace(designs, values=values, data=4 * designs.data))
 
 
+def _no_law(p: Any, u: Array, parameters: Array, tau: Array, by_p: Array, by_u: Array) -> None:
+    """Write nothing, so that all outputs stay zero."""
+
+
 broken("predicts_designs_left_out", fit=_swapped)
 refitted(
     "predicts_three_axes",
@@ -143,7 +147,7 @@ refitted(
 )
 broken("carries_several_actuations", several_actuations=True, fit=_blind_to_the_second)
 broken(
-    "laws_are_of_the_joint",
+    "laws_match_the_joint",
     fit=lambda up, self, designs: replace(
         up(designs), laws=replace(up(designs).laws, actuation_name="tendon_force_n")
     ),
@@ -153,13 +157,14 @@ broken_law(
     "slopes_are_derivatives", evaluate=lambda up, self, p, u: replace(up(p, u), dtau_dp=2 * up(p, u).dtau_dp)
 )
 broken_law("laws_create_no_energy", evaluate=_circulating)
+broken_law("scalar_form_is_the_law", scalar=lambda up, self: ScalarLaw(_no_law, np.zeros(1)))
 broken_law(
     "joints_do_not_affect_each_other",
     evaluate=lambda up, self, p, u: replace(up(p, u), tau=up(p, u).tau + 1e-4 * u.mean()),
 )
-broken_laws("domain_follows_the_design", law=_of_one_box)
+broken_laws("domain_follows_the_design", law=_one_box_law)
 broken_law("laws_stay_finite_outside_their_domain", evaluate=_nan_outside)
-broken_laws("laws_are_smooth_in_the_parameters", law=_of_the_nearest)
+broken_laws("laws_are_smooth_in_the_parameters", law=_nearest_law)
 broken_laws("record_gives_the_same_bits", record=_single_precision)
 refitted(
     "is_deterministic", lambda one: {"tau": one.tau + 1e-6 * np.random.default_rng().random(one.tau.shape)}

@@ -1,4 +1,4 @@
-"""A good small search, and searches that break one rule each."""
+"""A correct small search, and searches that break one rule each."""
 
 import json
 import math
@@ -11,7 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from tests.conformance.broken import Variants
 
-from pliant.interfaces.optimizer import (
+from pliant.registry.component import Component
+from pliant_search.optimizer import (
     Context,
     Optimizer,
     OptimizerCapabilities,
@@ -21,19 +22,18 @@ from pliant.interfaces.optimizer import (
     Value,
     Variable,
 )
-from pliant.registry.component import Component
 
 Scored = tuple[int, dict[str, Value], list[float]]
 
 
 class SearchConfig(OptimizerConfig):
-    """No settings."""
+    """The config of a search without settings."""
 
     kind: Literal["small"] = "small"
 
 
 class Search(Optimizer):
-    """Draws uniformly or near one of the best so far, of the same context; candidate k is drawn from (seed, k)."""
+    """A search that draws uniformly or near one of the best of its context; candidate k is drawn from (seed, k)."""
 
     capabilities = OptimizerCapabilities(several_objectives=True, contexts=True)
 
@@ -79,7 +79,7 @@ class Search(Optimizer):
         return [math.nan if trial.violation > 0 else trial.objective, *trial.objectives[1:]]
 
     def keep(self, candidate: Trial, scores: list[float]) -> None:
-        """Into the front of its context, if nothing there is as good in every objective."""
+        """Add to the front of its context, unless a member is as good in every objective."""
         front = self.best[candidate.context]
         if not any(all(a <= b for a, b in zip(kept[2], scores, strict=True)) for kept in front):
             front[:] = [k for k in front if not all(a >= b for a, b in zip(k[2], scores, strict=True))]
@@ -115,7 +115,7 @@ class Search(Optimizer):
 variants = Variants(
     Component("optimizer", "small", f"{__name__}:SearchConfig", f"{__name__}:Search", "small search")
 )
-broken = variants.of(Search)
+broken = variants.row_adder(Search)
 
 
 def _off_by_one(up: Any, self: Any, variable: Variable, *given: Any) -> Any:
@@ -185,7 +185,7 @@ broken(
 )
 broken("seed_decides_everything", start=lambda up, self, space, seed: up(space, 0))
 broken("leaves_global_random_state_alone", start=_seeding_everybody)
-broken("order_of_results_does_not_matter", tell=_the_last_one_counts)
+broken("result_order_does_not_matter", tell=_the_last_one_counts)
 broken(
     "continues_after_an_interruption", state=lambda up, self: json.loads(json.dumps({**up(), "best": [[]]}))
 )

@@ -1,4 +1,4 @@
-"""The stand-in engine as the good one, and engines with one wrong convention each."""
+"""The stand-in engine as the correct one, and engines with one wrong convention each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from tests.conformance.broken import Variants
 
-from pliant.interfaces.physics import Capabilities, SimulationState
+from pliant.interfaces.physics import Capabilities, roll_each
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import left_jacobian
 from pliant.records.chain import ChainModel, default_base_rotation
@@ -25,13 +26,13 @@ QUASISTATIC = Quasistatic(QuasistaticConfig())
 
 
 class EngineConfig(StandInConfig):
-    """No settings."""
+    """The config of an engine without settings."""
 
     kind: Literal["small"] = "small"  # type: ignore[assignment]
 
 
 class Engine(StandIn):
-    """The stand-in; `simulation` is what it builds, from the chain that `seen` gives."""
+    """The stand-in engine; `simulation` is the class that it builds, from the chain that `seen` returns."""
 
     simulation: type[StandInSimulation] = StandInSimulation
 
@@ -43,25 +44,38 @@ class Engine(StandIn):
 
 
 class Follower(Engine):
-    """Follows histories as the quasi-static engine does."""
+    """An engine that follows histories as the quasi-static engine does."""
 
-    capabilities = Capabilities(("revolute",), dynamic=False, internal_states=True)
+    capabilities = Capabilities(("revolute",), dynamic=False)
 
     def follow(self, chain, histories, towards=()):
         return QUASISTATIC.follow(chain, histories, towards)
 
 
 class Batcher(Engine):
-    """Batches of the quasi-static engine."""
+    """An engine with the batches of the quasi-static engine."""
 
-    capabilities = Capabilities(("revolute",), dynamic=False, batch=True, gradients=True)
+    capabilities = Capabilities(("revolute",), dynamic=False, gradients=True)
 
     def settle_batch(self, cases):
         return QUASISTATIC.settle_batch(cases)
 
+    def rollout_batch(self, runs):
+        return roll_each(self, runs)
+
+
+class Exporter(Engine):
+    """An engine that writes one file."""
+
+    export_format = "mjcf"
+
+    def export(self, chain, path, looks=None):
+        path.write_text("<mujoco/>")
+        return (path,)
+
 
 class Threaded(Follower):
-    """Follows histories in threads, as the quasi-static engine does."""
+    """An engine that follows histories in threads, as the quasi-static engine does."""
 
     capabilities = replace(Follower.capabilities, threads=True)
 
@@ -69,28 +83,32 @@ class Threaded(Follower):
 variants = Variants(
     Component("physics", "small", f"{__name__}:EngineConfig", f"{__name__}:Engine", "plain Newton")
 )
-broken, simulated = variants.of(Engine), variants.of(Engine, "simulation")
-followed, batched, threaded = variants.of(Follower), variants.of(Batcher), variants.of(Threaded)
+broken, simulated = variants.row_adder(Engine), variants.row_adder(Engine, "simulation")
+followed, batched, threaded = (
+    variants.row_adder(Follower),
+    variants.row_adder(Batcher),
+    variants.row_adder(Threaded),
+)
 JOINTS = StandIn.capabilities.joints
 
 
 def chained(check: str, change: Any) -> None:
-    """A row: the engine sees another chain."""
+    """Add a row: the engine sees another chain."""
     broken(check, seen=lambda up, self, chain: change(chain))
 
 
 def applied(check: str, change: Any) -> None:
-    """A row: the simulation is given other inputs, or takes them for others where the function wants it too."""
+    """Add a row: the simulation gets other inputs, or interprets them differently if the function takes it too."""
     simulated(check, apply=lambda up, self, inputs: up(change(self, inputs)))
 
 
 def settled(check: str, change: Any) -> None:
-    """A row: fields of the settled answer are others."""
+    """Add a row: fields of the settled answer are changed."""
     simulated(check, settle=lambda up, self: replace(good := up(), **change(good)))
 
 
 def told(check: str, **changes: Any) -> None:
-    """A row: all histories are followed with other fields, by functions of the history."""
+    """Add a row: all histories are followed with changed fields, given by functions of the history."""
     followed(
         check,
         follow=lambda up, self, chain, histories, towards=(): up(
@@ -127,7 +145,7 @@ def _in_place(up: Any, self: Any) -> Equilibrium:
 LAST: dict[str, Array] = {}
 
 
-def _of_the_last(up: Any, self: Any) -> Array:
+def _last_markers(up: Any, self: Any) -> Array:
     q = LAST.get("q", self.q)
     return np.asarray(self.statics.geometry.markers(np.resize(q, self.q.shape)))
 
@@ -141,7 +159,7 @@ def _kept_as_the_last(up: Any, self: Any) -> Equilibrium:
 def _through_a_shared_chain(
     up: Any, self: Engine, chain: ChainModel, histories: Any, towards: Any = ()
 ) -> Any:
-    """The chain stands in the engine, where other threads replace it."""
+    """Store the chain in the engine, where other threads replace it."""
     self.last = chain  # type: ignore[attr-defined]
     time.sleep(0.01)
     return up(self.last, histories, towards)  # type: ignore[attr-defined]
@@ -160,7 +178,7 @@ def _scaling_masses(chain: ChainModel) -> ChainModel:
 
 
 def _by_naive_torques(up: Any, self: Any) -> Equilibrium:
-    """Balances τ itself, as a torque in the joint's rest frame, against the loads' moments Jᵀ⁻¹ Q."""
+    """Balance τ directly, as a torque in the joint's rest frame, against the loads' moments Jᵀ⁻¹ Q."""
     good: Equilibrium = up()
     if self.chain.laws[0].joint != "spherical":
         return good
@@ -180,11 +198,11 @@ def _slides_doubled(up: Any, self: Any) -> Equilibrium:
 
 
 def _grown_before_it_turned(up: Any, self: Any) -> Equilibrium:
-    """Joint 1 is moved along its parent's axis."""
+    """Move joint 1 along its parent's axis."""
     good: Equilibrium = up()
     if self.chain.laws[0].joint != "extensible":
         return good
-    turned = ChainGeometry.of(self.chain).forward(good.joint_angles).rotations
+    turned = ChainGeometry.from_chain(self.chain).forward(good.joint_angles).rotations
     moved = good.markers_m.copy()
     moved[2:] += good.joint_angles[0, -1] * (turned[0, :, 0] - turned[1, :, 0])
     return replace(good, markers_m=moved)
@@ -209,7 +227,7 @@ def _with_straight_cords(up: Any, self: Any, inputs: Inputs) -> None:
 
 
 class PerKilopascal(StandInSimulation):
-    """Derivatives of the quasi-static engine, in its own unit of pressure."""
+    """Derivatives of the quasi-static engine, in another unit of pressure."""
 
     def sensitivity(self) -> Sensitivity:
         with QUASISTATIC.build(self.chain) as inner:
@@ -255,7 +273,7 @@ simulated(
     settle=_in_place,
 )
 simulated("steps_forward_in_time", step=lambda up, self, duration_s: up(0.05 * round(duration_s / 0.05)))
-simulated("simulations_are_independent", settle=_kept_as_the_last, markers=_of_the_last)
+simulated("simulations_are_independent", settle=_kept_as_the_last, markers=_last_markers)
 simulated("closes_cleanly", close=_closing_once)
 chained("leaves_the_chain_alone", _scaling_masses)
 simulated("spherical_efforts_are_energy_consistent", settle=_by_naive_torques)
@@ -269,7 +287,7 @@ told("follows_time", time_s=lambda h: None)
 told("keeps_damage_in_its_specimen", specimen=lambda h: "")
 followed("differentiates", follow=_forgetting_earlier_runs)
 threaded("follows_in_threads", follow=_through_a_shared_chain)
-told("names_missing_inputs_of_runs", actuation=lambda h: {**h.actuation, "pressure_pa": np.zeros(len(h))})
+told("names_missing_run_inputs", actuation=lambda h: {**h.actuation, "pressure_pa": np.zeros(len(h))})
 batched("batches_settle_as_one_by_one", settle_batch=lambda up, self, cases: up(cases)[::-1])
 batched(
     "batches_roll_as_one_by_one",
@@ -278,11 +296,7 @@ batched(
     ),
 )
 batched("sensitivities_are_differences", simulation=PerKilopascal)
-broken(
-    "exports_a_file",
-    capabilities=Capabilities(("revolute",), dynamic=False, export="mjcf"),
-    export=lambda up, self, chain, path, looks=None: (path,),
-)
+variants.row_adder(Exporter)("exports_a_file", export=lambda up, self, chain, path, looks=None: (path,))
 
 # -- loads at points
 

@@ -1,4 +1,4 @@
-"""An engine that advances inertia, small and exact enough, and engines whose pendulum is wrong in one way each."""
+"""An engine with inertia, small and sufficiently accurate, and engines whose pendulum is wrong in one way each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from tests.conformance.broken.physics import EngineConfig, variants
 
-from pliant.interfaces.physics import Capabilities, SimulationState
+from pliant.interfaces.physics import Capabilities
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.records.chain import ChainModel
 from pliant.registry.component import Component
@@ -18,14 +19,14 @@ INNER_S = 1e-3
 
 
 class SwingingSimulation(StandInSimulation):
-    """M q̈ = what is out of balance, dashpots among the terms included, by the symplectic Euler method."""
+    """M q̈ = unbalanced effort, dashpots among the terms included, by the symplectic Euler method."""
 
     inertia_factor = 1.0
     dashpot_factor = 1.0
     growth = 0.0
 
     def __init__(self, chain: ChainModel) -> None:
-        # terms that need a rate are this engine's own; the statics has none of them
+        # rate-dependent terms belong to this engine; the statics has none of them
         self.dashpots = [term for term in chain.terms if term.needs_time]
         super().__init__(chain.with_(terms=tuple(t for t in chain.terms if not t.needs_time)))
         self.v = np.zeros_like(self.q)
@@ -50,9 +51,9 @@ class SwingingSimulation(StandInSimulation):
 
 
 class Swinging(StandIn):
-    """Advances inertia."""
+    """An engine that integrates inertia."""
 
-    capabilities = Capabilities(StandIn.capabilities.joints, dynamic=True, internal_states=True)
+    capabilities = Capabilities(StandIn.capabilities.joints, dynamic=True)
     simulation: type[SwingingSimulation] = SwingingSimulation
 
     def build(self, chain: ChainModel) -> SwingingSimulation:
@@ -66,7 +67,7 @@ GOOD = Component(
     f"{__name__}:Swinging",
     "symplectic Euler",
 )
-simulated = variants.of(Swinging, "simulation")
+simulated = variants.row_adder(Swinging, "simulation")
 
 
 def _at_once(up: Any, self: Any, duration_s: float) -> None:
@@ -78,7 +79,7 @@ def _other_rates(up: Any, self: Any) -> SimulationState:
     return replace(good, velocity=3 * good.velocity)
 
 
-# quasi-static, whatever it declares
+# quasi-static, contrary to its declaration
 simulated("swings_with_its_period", step=_at_once)
 simulated("gains_no_energy", step=_at_once)
 simulated("damps_as_the_law_says", step=_at_once)

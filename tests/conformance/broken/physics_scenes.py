@@ -1,4 +1,4 @@
-"""MuJoCo's scenes as the good ones, and engines that break one clause of theirs each."""
+"""MuJoCo's scenes as the correct ones, and engines that break one clause of the contract each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from tests.conformance.broken.physics import Engine, variants
 
-from pliant.interfaces.physics import Capabilities, SceneSimulation
+from pliant.interfaces.physics import Capabilities
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneState
 from pliant_plugins.physics.mujoco.backend import Mujoco
@@ -34,9 +35,9 @@ Wrapped: Any = type(
 
 
 class Scenes(Engine):
-    """The stand-in with scenes: `wrapper` is what it builds, from the scene that `placed` gives."""
+    """The stand-in with scenes: `wrapper` is the class that it builds, from the scene that `placed` returns."""
 
-    capabilities = Capabilities(("revolute",), dynamic=True, contacts=True)
+    capabilities = Capabilities(("revolute",), dynamic=True)
     wrapper = Wrapped
 
     def build_scene(self, scene: Scene) -> SceneSimulation:
@@ -46,16 +47,16 @@ class Scenes(Engine):
         return scene
 
 
-broken, simulated = variants.of(Scenes), variants.of(Scenes, "wrapper")
+broken, simulated = variants.row_adder(Scenes), variants.row_adder(Scenes, "wrapper")
 
 
 def placed(check: str, change: Any) -> None:
-    """A row: the engine builds another scene."""
+    """Add a row: the engine builds another scene."""
     broken(check, placed=lambda up, self, scene: change(scene))
 
 
 def touching(check: str, change: Any) -> None:
-    """A row: every contact is reported with other fields."""
+    """Add a row: every contact is reported with changed fields."""
     simulated(check, contacts=lambda up, self: tuple(replace(c, **change(c)) for c in up()))
 
 

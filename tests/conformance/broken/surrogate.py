@@ -1,4 +1,4 @@
-"""A good linear law by least squares, and fits that cheat, forget or break."""
+"""A correct linear law by least squares, and fits that leak data, lose state or fail."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate, SurrogateConfig
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
-from pliant.records.law import Domain, Effort, FitReport, JointLaw, LawRecord
+from pliant.records.law import Domain, Effort, FitReport, JointLaw, LawRecord, ScalarLaw
 from pliant.registry.component import Component
 from pliant.testing.samples import LinearLaw
 
 
 class LineConfig(SurrogateConfig):
-    """A stated slope is optional."""
+    """The config of the linear law; a stated slope is optional."""
 
     kind: Literal["small"] = "small"
     stated_gain: float | None = None
@@ -111,7 +111,7 @@ variants = Variants(
 )
 
 
-broken, broken_law = variants.of(Line), variants.of(Lawed, "law")
+broken, broken_law = variants.row_adder(Line), variants.row_adder(Lawed, "law")
 
 
 def _nan_outside(up: Any, self: Any, p: Array, u: Array) -> Effort:
@@ -137,7 +137,7 @@ def _resampled(up: Any, self: Any, columns: Array, rows: FemDataset) -> Array:
 
 
 def _each_axis_by_itself(up: Any, self: Any, data: ModuleData) -> FittedLaw:
-    """τ_k = g_k p − K_k u_k."""
+    """Fit each axis separately: τ_k = g_k p − K_k u_k."""
     rows = data.role == "fit"
     p, u, tau = data.actuation[rows], data.deformation[rows], data.tau[rows]
     columns = [np.stack([p, -u[:, k]], axis=1) for k in range(len(data.axes))]
@@ -148,7 +148,7 @@ def _each_axis_by_itself(up: Any, self: Any, data: ModuleData) -> FittedLaw:
 
 
 def _blind_to_the_second(up: Any, self: Any, data: ModuleData) -> FittedLaw:
-    """τ = 2 g p₁ − k u of two pressures: right where the other is as large and pushes the other way."""
+    """Return τ = 2 g p₁ − k u of two pressures: correct where the other is equal and opposite in effect."""
     law = _FirstPressure(np.array([0.0, 3.2e-6, 0.03]), Domain(np.zeros((2, 2)), np.zeros((1, 2))))
     return FittedLaw(law, FitReport(1, 0, 0.0, 0.0, 0.0, 0.0, 1.0, {}))
 
@@ -157,6 +157,11 @@ class _FirstPressure(LineLaw):
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         one = super().evaluate(actuation[:, 0], deformation)
         return replace(one, dtau_dp=np.stack([one.dtau_dp, np.zeros_like(one.dtau_dp)], axis=2))
+
+
+def _five_percent_off(p: Any, u: Array, terms: Array, tau: Array, by_p: Array, by_u: Array) -> None:
+    tau[0] = 1.05 * (terms[0] + terms[1] * p - terms[2] * u[0])
+    by_p[0], by_u[0, 0] = terms[1], -terms[2]
 
 
 broken("fits_a_linear_law", solve=lambda up, self, *given: -up(*given))
@@ -174,6 +179,7 @@ broken(
 broken_law(
     "slopes_are_derivatives", evaluate=lambda up, self, p, u: replace(up(p, u), dtau_du=-up(p, u).dtau_du)
 )
+broken_law("scalar_form_is_the_law", scalar=lambda up, self: ScalarLaw(_five_percent_off, self.terms))
 broken_law(
     "joints_do_not_affect_each_other",
     evaluate=lambda up, self, p, u: replace(up(p, u), tau=up(p, u).tau + 1e-4 * u.mean()),
@@ -183,10 +189,13 @@ broken_law(
     "effort_derives_from_the_potential", potential=lambda up, self, p, u: 2 * JointLaw.potential(self, p, u)
 )
 broken(
-    "domain_is_the_box_of_the_data",
+    "domain_is_the_data_box",
     fit=lambda up, self, data: replace(up(data), law=replace(up(data).law, domain=Domain.unbounded(1))),
 )
 broken_law("stays_finite_outside_the_domain", evaluate=_nan_outside)
+broken_law(
+    "error_bar_holds_new_states", band=lambda up, self, p, u, level=0.9: level * 0.02 * np.ones_like(u)
+)  # 43 % of the range
 broken("law_is_stable", solve=lambda up, self, *given: up(*given) * [1, 1, -1])
 broken("says_when_there_are_too_few_states", fit=_fitting_anything)
 broken(
@@ -199,5 +208,5 @@ broken(
 )
 broken("is_deterministic", solve=_resampled)
 broken("stated_law_is_complete", stated=lambda up, self: np.array([0.0, 1e-6, 0.04]))
-broken("couples_the_axes_of_a_joint", couples=True, fit_module=_each_axis_by_itself)
+broken("couples_joint_axes", couples=True, fit_module=_each_axis_by_itself)
 broken("carries_several_actuations", several_actuations=True, fit_module=_blind_to_the_second)

@@ -1,4 +1,4 @@
-"""A good task, hold at a pressure, and tasks that mislead."""
+"""A correct task, hold at a pressure, and incorrect tasks."""
 
 from dataclasses import replace
 from typing import Any, Literal
@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from tests.conformance.broken import Variants
 
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.mechanics.stills import still
 from pliant.records.chain import ChainModel
@@ -25,7 +25,7 @@ class HoldConfig(TaskConfig):
 
 
 class Hold(Task):
-    """Actuate, settle, measure the tip."""
+    """A task that actuates, settles and measures the tip."""
 
     config: HoldConfig
 
@@ -43,7 +43,7 @@ class Hold(Task):
 
 
 class Squeeze(SceneTask):
-    """One arm, actuated for a moment: a good task with contact."""
+    """One arm, actuated for a moment: a correct task with contact."""
 
     config: HoldConfig
 
@@ -58,15 +58,15 @@ class Squeeze(SceneTask):
             states.append(simulation.snapshot())
             final = simulation.pose(0)
         stills = (still(self.scene(chain), states[-1], "after"),)
-        return TaskResult(final, {"time_s": 0.1}, None, SceneFrames.of(states), stills)
+        return TaskResult(final, {"time_s": 0.1}, None, SceneFrames.from_states(states), stills)
 
 
 variants = Variants(Component("task", "small", f"{__name__}:HoldConfig", f"{__name__}:Hold", "hold"))
-broken, broken_scene = variants.of(Hold), variants.of(Squeeze)
+broken, broken_scene = variants.row_adder(Hold), variants.row_adder(Squeeze)
 
 
 def resulting(check: str, change: Any) -> None:
-    """A row: fields of the good result are changed."""
+    """Add a row: fields of the correct result are changed."""
     broken(check, run=lambda up, self, *given: replace(result := up(*given), **change(result)))
 
 

@@ -1,4 +1,4 @@
-"""A good viewer that marks the joints as dots, and viewers that break one rule each."""
+"""A correct viewer that marks the joints as dots, and viewers that break one rule each."""
 
 from collections.abc import Iterator
 from typing import Any, Literal
@@ -16,7 +16,7 @@ PIXELS_PER_M = 1500.0
 
 
 class DotsConfig(ViewerConfig):
-    """No settings."""
+    """The config of a viewer without settings."""
 
     kind: Literal["small"] = "small"
 
@@ -28,7 +28,7 @@ class Dots(Viewer):
     """Pixels that the camera moves from frame to frame."""
 
     def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
-        geometry = ChainGeometry.of(motion.scene.arms[0].chain)
+        geometry = ChainGeometry.from_chain(motion.scene.arms[0].chain)
         for number, q in enumerate(motion.frames.coordinates[0]):
             picture = np.full((size[1], size[0], 3), 255, np.uint8)
             for x, _, z in (geometry.markers(q) * PIXELS_PER_M).astype(int):
@@ -44,7 +44,7 @@ class Dots(Viewer):
 
 
 variants = Variants(Component("viewer", "small", f"{__name__}:DotsConfig", f"{__name__}:Dots", "dots"))
-broken = variants.of(Dots)
+broken = variants.row_adder(Dots)
 
 
 def _first_only(up: Any, self: Any, *given: Any) -> list[Picture]:

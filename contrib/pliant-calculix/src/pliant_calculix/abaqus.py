@@ -13,12 +13,12 @@ from pliant_calculix.deck import Target, equation_cards, model_cards, step_cards
 from pliant_calculix.model import MPA, Model, build_model
 
 CAP_STIFFNESS = 1e-6
-# Mixed elements that only Abaqus has, beside those of both.
+# Mixed elements that only Abaqus has, in addition to the common ones.
 HYBRID = ("C3D20RH", "C3D20H")
 
 
 def abaqus_model(problem: ModuleProblem, material: Material, element: str = "C3D20R") -> Model:
-    """The model in mm, N and MPa, the cavity closed at both ends. Raises `UserError`."""
+    """Return the model in mm, N and MPa, the cavity closed at both ends. Raises `UserError`."""
     known = (*get_args(ElementType), *HYBRID)
     if element not in known:
         raise UserError(f"the element '{element}' is none of {', '.join(known)}.")
@@ -26,7 +26,7 @@ def abaqus_model(problem: ModuleProblem, material: Material, element: str = "C3D
 
 
 def abaqus_deck(model: Model, target: Target, heading: Sequence[str]) -> list[str]:
-    """Lines of the deck of one held state."""
+    """Return the lines of the deck of one prescribed state."""
     assert target.held is not None
     words = [*heading, *_notes(model, target)]
     cards = [*model_cards(model, words), *equation_cards(model, target.held), *step_cards(model, target)]

@@ -37,7 +37,7 @@ class CalculixSolver(ModuleSolver):
         self.reader = Reader(self.model, material)
         self.revolute = problem.joint == "revolute"
         # near equal stretches CalculiX' Ogden law is too rough for less
-        kinds = {own.config.kind for own in (material, *material.regions.values())}
+        kinds = {own.resolved.config.kind for own in (material, *material.regions.values())}
         rough = OGDEN_TOLERANCE if "ogden" in kinds else 0.0
         self._tolerance = max(config.tolerance, rough)
         self._head = [
@@ -50,12 +50,14 @@ class CalculixSolver(ModuleSolver):
         find(config.program)
 
     def rest(self) -> FemState:
-        """The undeformed state; its slopes are those of small loads."""
+        """Return the undeformed state; its slopes are those of small loads."""
         begun = time.perf_counter()
         return self._state(Target(0.0, 0.0), "free", begun, None, 0)
 
     def free(self, actuation: float, start: FemState) -> FemState:
-        """Equilibrium at pressure `actuation` (Pa) without external moment: one run finds u, one its slopes."""
+        """Solve for equilibrium at pressure `actuation` (Pa) without external moment, in one run for u and one for
+        slopes.
+        """
         begun = time.perf_counter()
         self._check(start)
         answers = self._run([Target(actuation, None)], "free")
@@ -65,7 +67,7 @@ class CalculixSolver(ModuleSolver):
         return self._solve(Target(actuation, held), "free", begun, answers.iterations)
 
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
-        """Equilibrium at pressure `actuation` (Pa) with u held. Raises `UserError` for an axis it does not have."""
+        """Solve for equilibrium at pressure `actuation` (Pa) with fixed u. Raises `UserError` for an unknown axis."""
         begun = time.perf_counter()
         self._check(start)
         if isinstance(held, Mapping):
@@ -78,7 +80,7 @@ class CalculixSolver(ModuleSolver):
         return self._solve(Target(actuation, held / self.problem.deformation_scale), "constrained", begun, 0)
 
     def deformed_nodes(self, state: FemState) -> Array:
-        """(n, 3) node positions in m; the start section stays in its plane."""
+        """Return (n, 3) node positions in m; the start section stays in its plane."""
         nodes = self.problem.mesh.nodes_m
         places: Array = nodes + state.solution.reshape(nodes.shape)
         return places
@@ -97,7 +99,7 @@ class CalculixSolver(ModuleSolver):
     def _state(
         self, at: Target, branch: Branch, begun: float, solved: Target | None, iterations: int
     ) -> FemState:
-        """The state at a held target with slopes by central differences; at rest nothing needs solving first."""
+        """Return the state at a target with slopes by central differences; at rest no solution is needed first."""
         targets = ([] if solved is None else [solved]) + self._around(at)
         answers = self._run(targets, branch)
         efforts = [self._effort(a, t) for a, t in zip(answers.points, targets, strict=True)]
@@ -125,12 +127,12 @@ class CalculixSolver(ModuleSolver):
         )
 
     def _steps(self, at: Target) -> tuple[float, float]:
-        """Steps of pressure (Pa) and of what is held; at rest nothing is lost to rounding, so that they are small."""
+        """Return steps of pressure (Pa) and coordinate; small at rest, where rounding is no problem."""
         small = SMALLER if at == Target(0.0, 0.0) else 1.0
         return small * self._pressure_step, small * self._held_step
 
     def _around(self, at: Target) -> list[Target]:
-        """Held coordinate and pressure a little more and a little less."""
+        """Return targets with slightly higher and lower coordinate and pressure."""
         p, h = at.pressure_pa, at.held or 0.0
         dp, dh = self._steps(at)
         return [Target(p, h + dh), Target(p, h - dh), Target(p + dp, h), Target(p - dp, h)]
@@ -151,15 +153,15 @@ class CalculixSolver(ModuleSolver):
             ) from error
 
     def _effort(self, answer: Answer, target: Target) -> float:
-        """The piece's τ: what opposes the actuation."""
+        """Return the piece's τ, which opposes the actuation."""
         theta = (target.held or 0.0) if self.revolute else 0.0
         reaction = self.reader.reaction(answer, target.pressure_pa, theta)
         return -(reaction.moment_n_m if self.revolute else reaction.force_n)
 
     def _on_plane(self, moved: Array, answer: Answer, at: Target) -> Array:
-        """Displacements (n, 3) of the mesh's nodes, the end section exactly on its plane.
+        """Return displacements (n, 3) of the mesh's nodes, the end section exactly on its plane.
 
-        The program prints seven digits; what it held exactly is restored exactly.
+        The program prints seven digits; prescribed values are restored exactly.
         """
         mesh = self.problem.mesh
         moved = moved[: len(mesh.nodes_m)].copy()
@@ -172,13 +174,13 @@ class CalculixSolver(ModuleSolver):
         return moved
 
     def _reference_motion_m(self, answer: Answer, at: Target) -> float:
-        """Where the end plane cuts the line at the reference height, less where it did at rest."""
+        """Return the displacement along the reference line of its intersection with the end plane."""
         if not self.revolute:
             return at.held or 0.0
         return float(answer.displacement[self.model.reference, 0]) / MM
 
     def _strain(self, answer: Answer, at: Target) -> float:
-        """e of an arc that leaves the start section at a right angle and arrives so at the end's plane."""
+        """Return e of an arc perpendicular to both end planes."""
         along = self._reference_motion_m(answer, at)
         if not self.revolute:
             return along / self.problem.span_m
@@ -186,7 +188,7 @@ class CalculixSolver(ModuleSolver):
         return float(np.cos(theta) * (1 + along / self.problem.span_m) / np.sinc(theta / np.pi)) - 1
 
     def _overlaps(self, moved: Array, at: Target) -> bool:
-        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
+        """Return whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
         mesh, span = self.problem.mesh, self.problem.span_m
         theta = (at.held or 0.0) if self.revolute else 0.0
         normal = np.array([np.cos(theta), 0.0, -np.sin(theta)])
@@ -210,6 +212,6 @@ class Calculix(FEMBackend):
     knows = frozenset({"regions"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> CalculixSolver:
-        """Raises `UserError` for another problem or material, `MissingDependencyError` without the program."""
+        """Return solver. Raises `UserError` for another problem or material, `MissingDependencyError` without ccx."""
         self.check(problem, material)
         return CalculixSolver(self.config, problem, material)

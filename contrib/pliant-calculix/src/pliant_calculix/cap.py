@@ -1,7 +1,7 @@
 """Caps: thin soft discs that close the cavity at a section and take the pressure's thrust.
 
-The front lies in the section and shares the rim's nodes. All other nodes of a cap are led by the rim's: soft nodes
-that stood alone would never be in equilibrium as the programs judge it. Caps add no stiffness to speak of.
+The front is in the section and shares the rim's nodes. All other nodes of a cap are coupled to the rim's: free soft
+nodes would not meet the programs' equilibrium criterion. The stiffness of caps is negligible.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Cap:
         nodes_m: (n, 3) new nodes, numbered on from the nodes that were there before.
         wedges: (m, 15) node ids; the first face of each (nodes 1, 2, 3) is the wetted one.
         front: ids of the new nodes in the section's plane.
-        behind: node of the back or of the upright edges → the front's node before it, which moves alike.
+        behind: node of the back or of the upright edges → the front's node before it, with the same motion.
         follows: within the section, displacement component (1, 2) of a node = Σ weight · that of rim nodes.
     """
 
@@ -41,12 +41,12 @@ class Cap:
 
 
 def no_cap() -> Cap:
-    """Nothing."""
+    """Return an empty cap."""
     return _Builder(np.zeros((0, 3)), 0.0).done()
 
 
 def build_cap(problem: ModuleProblem, nodes_m: Array, section: str = "end") -> Cap:
-    """Caps over all openings of the cavity in a section; none where it has no opening.
+    """Build caps over all openings of the cavity in a section; none without an opening.
 
     Args:
         problem: the module.
@@ -65,7 +65,7 @@ def build_cap(problem: ModuleProblem, nodes_m: Array, section: str = "end") -> C
 
 
 def _rims(problem: ModuleProblem, section: str) -> list[IntArray]:
-    """Polylines (2k + 1,) of corner and mid-edge nodes along the cavity's edges in a section."""
+    """Return polylines (2k + 1,) of corner and mid-edge nodes along the cavity's edges in a section."""
     edges = problem.mesh.cavity[:, _EDGES].reshape(-1, 3)
     edges = edges[np.isin(edges, problem.mesh.node_sets[section]).all(axis=1)]
     # an edge between two wetted faces borders no opening
@@ -84,7 +84,7 @@ def _rims(problem: ModuleProblem, section: str) -> list[IntArray]:
 
 
 def _hub(problem: ModuleProblem, rim: IntArray) -> tuple[Array, tuple[int, ...]]:
-    """Centre of a fan and the components in which it is held: on the mirror planes where the rim ends."""
+    """Return the centre of a fan and its fixed components: on the mirror planes where the rim ends."""
     nodes = problem.mesh.nodes_m[rim]
     hub, held = nodes[:-1:2].mean(axis=0), set()
     if rim[0] == rim[-1]:
@@ -109,7 +109,7 @@ def _hub(problem: ModuleProblem, rim: IntArray) -> tuple[Array, tuple[int, ...]]
 
 
 class _Builder:
-    """Collects wedges and who leads their nodes."""
+    """A builder of wedges and of the couplings of their nodes."""
 
     def __init__(self, nodes_m: Array, thickness_m: float) -> None:
         self.rest, self.thickness = nodes_m, thickness_m
@@ -120,7 +120,7 @@ class _Builder:
         self.follows: dict[tuple[int, int], Weights] = {}
 
     def fan(self, rim: IntArray, hub: tuple[Array, tuple[int, ...]]) -> None:
-        """Wedges from the hub to each edge of the rim."""
+        """Add wedges from the hub to each edge of the rim."""
         corners = [int(c) for c in np.unique(rim[::2])]
         centre = self._new(hub[0])
         for component in IN_SECTION:
@@ -157,7 +157,7 @@ class _Builder:
         return len(self.rest) + len(self.places) - 1
 
     def _halfway(self, centre: int, corner: int) -> int:
-        """The node in the middle of a spoke."""
+        """Return the node in the middle of a spoke."""
         node = self._new((self._at(centre) + self._at(corner)) / 2)
         for component in IN_SECTION:
             weights = {n: w / 2 for n, w in self.follows[centre, component].items()}
@@ -166,7 +166,7 @@ class _Builder:
         return node
 
     def _behind(self, node: int, depth: float, known: dict[tuple[int, float], int]) -> int:
-        """The node behind one of the front."""
+        """Return the node behind one of the front."""
         if (node, depth) not in known:
             behind = self._new(self._at(node) + [depth * self.thickness, 0.0, 0.0])
             known[node, depth] = behind

@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def write(options: argparse.Namespace) -> str:
-    """Write the deck and say what it is. Raises `PliantError`."""
+    """Write the deck and describe it. Raises `PliantError`."""
     opened = open_study(options.study, options.overrides)
     study, bench = opened.study, opened.bench
     if study.family is None or study.material is None:

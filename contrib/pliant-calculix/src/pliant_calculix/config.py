@@ -14,7 +14,7 @@ ElementType = Literal["C3D20", "C3D20R"]
 
 
 class CalculixConfig(FemConfig):
-    """Every state is a run of its own from rest, in load increments that `ccx` chooses."""
+    """Every state is a separate run from rest, in load increments that `ccx` chooses."""
 
     kind: Literal["calculix"] = "calculix"
     program: str = Field(default="ccx", description="name or path of the CalculiX program")

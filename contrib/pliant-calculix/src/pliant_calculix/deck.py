@@ -39,7 +39,7 @@ class Target:
 
 
 def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
-    """Nodes, elements, sets, surfaces, sections, materials and what is fixed."""
+    """Return nodes, elements, sets, surfaces, sections, materials and supports."""
     cards = ["*HEADING", heading[0], *[f"** {line}" for line in heading[1:]]]
     cards += ["*NODE, NSET=BODY_AND_CAPS"]
     cards += [_node(i + 1, MM * model.places_m[i]) for i in model.used]
@@ -77,10 +77,10 @@ def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
 
 
 def plane_cards(model: Model) -> list[str]:
-    """Extra nodes A and T, and B, C beside A: u_B − u_A = u_T along x tilts the plane, u_A moves it.
+    """Return cards of extra nodes A and T, and B, C next to A: u_B − u_A = u_T along x tilts the plane, u_A moves it.
 
-    The cap's back is kept in planes of its own, parallel to the section: led by the front along x, which itself
-    is led by the plane, it would be left behind.
+    The cap's back is kept in separate planes, parallel to the section: coupled along x to the front, which itself is
+    coupled to the plane, it would not follow.
     """
     a = model.reference
     span, height = MM * model.problem.span_m, MM * model.problem.reference_z_m
@@ -104,7 +104,7 @@ def plane_cards(model: Model) -> list[str]:
 
 
 def path_cards(model: Model, targets: Sequence[Target], tolerance: float) -> list[str]:
-    """One step for `plane_cards` that passes through the targets at the times 1, 2, …, and prints there.
+    """Return a step for `plane_cards` that passes the targets at times 1, 2, … and prints there.
 
     A step for each target would be plainer, but CalculiX 2.20 loses equilibrium between steps with `*MPC PLANE`.
     """
@@ -132,7 +132,7 @@ def path_cards(model: Model, targets: Sequence[Target], tolerance: float) -> lis
 
 
 def contact_path_cards(model: Model, target: Target, tolerance: float) -> list[str]:
-    """The whole deck of one held state of a model with contact, printed at the end like those of `path_cards`."""
+    """Return the deck of one prescribed state of a model with contact, printed at the end as in `path_cards`."""
     assert target.held is not None
     cards = [
         *model_cards(model, ["A module whose walls touch, by Pliant"]),
@@ -147,13 +147,13 @@ def contact_path_cards(model: Model, target: Target, tolerance: float) -> list[s
 
 
 def _table(name: str, values: Sequence[float]) -> list[str]:
-    """An amplitude that is zero at time 0 and has these values at the times 1, 2, …"""
+    """Return an amplitude that is zero at time 0 and has these values at the times 1, 2, …"""
     words = [f"{x:.12e}" for pair in enumerate([0.0, *values]) for x in pair]
     return [f"*AMPLITUDE, NAME={name}", *_continued(words, PER_TABLE_LINE)]
 
 
 def equation_cards(model: Model, held: float) -> list[str]:
-    """Extra nodes REFERENCE and TURN, for the angle θ (rad) or the extension (m) `held`."""
+    """Return extra nodes REFERENCE and TURN, for the angle θ (rad) or the extension (m) `held`."""
     problem, reference = model.problem, model.reference + 1
     theta = 0.0 if problem.joint == "prismatic" else held
     place = MM * np.array([problem.span_m, 0.0, problem.reference_z_m])
@@ -166,9 +166,9 @@ def equation_cards(model: Model, held: float) -> list[str]:
     ]
     cards += ["*BOUNDARY", f"{reference}, 2, 3", f"{reference + 1}, 2, 3"]
     for node in [*model.section, *model.cap.behind, *model.plates.back("end")]:
-        # what lies behind the section keeps its distance along x
+        # nodes behind the section keep their distance along x
         constant = normal[2] * float(MM * model.places_m[node, 2] - place[2])
-        # nobody may lead who is led himself
+        # a dependent node may not be independent in another equation
         leaders = model.cap.follows.get((int(node), 2), {int(node): 1.0})
         terms = [(int(node), 0, normal[0]), *[(n, 2, w * normal[2]) for n, w in leaders.items()]]
         terms += [(reference - 1, 0, -normal[0]), (reference, 0, constant)]
@@ -177,7 +177,7 @@ def equation_cards(model: Model, held: float) -> list[str]:
 
 
 def equation_motion(model: Model, held: float) -> list[str]:
-    """`*BOUNDARY` of the extra nodes of `equation_cards` at the end of the step."""
+    """Return `*BOUNDARY` of the extra nodes of `equation_cards` at the end of the step."""
     reference = model.reference + 1
     lines = [f"{reference + 1}, 1, 1, 1.0"]
     if model.problem.joint == "prismatic":
@@ -186,7 +186,7 @@ def equation_motion(model: Model, held: float) -> list[str]:
 
 
 def step_cards(model: Model, target: Target) -> list[str]:
-    """The one step for `equation_cards` at a held target, in Abaqus' own words."""
+    """Return the step for `equation_cards` at a prescribed target, in Abaqus' keywords."""
     assert target.held is not None
     cards = [f"*STEP, NLGEOM=YES, INC={INCREMENTS}", "*STATIC", f"{FIRST_INCREMENT}, 1.0, 1e-4, 1.0"]
     cards += ["*BOUNDARY", *equation_motion(model, target.held)]
@@ -198,7 +198,7 @@ def _node(number: int, place: Sequence[float] | np.ndarray) -> str:
 
 
 def _equation(terms: Sequence[tuple[int, int, float]]) -> list[str]:
-    """Σ coefficient · component of node = 0, nodes and components from 0; the first is eliminated."""
+    """Return Σ coefficient · component of node = 0, nodes and components from 0; the first is eliminated."""
     words = [f"{node + 1}, {c + 1}, {factor:.12e}" for node, c, factor in terms]
     return ["*EQUATION", str(len(terms)), *_continued(words, TERMS_PER_LINE)]
 
@@ -217,12 +217,12 @@ def _set(name: str, nodes: IntArray) -> list[str]:
 
 
 def _rows(card: str, numbers: IntArray) -> list[str]:
-    """A card and its numbers, given from 0."""
+    """Return a card and its numbers, given from 0."""
     rows = [numbers[k : k + PER_LINE] for k in range(0, len(numbers), PER_LINE)]
     return [card, *[", ".join(str(i + 1) for i in row) for row in rows]]
 
 
 def _continued(words: Sequence[str], width: int = PER_LINE) -> list[str]:
-    """Words on lines of `width`, each but the last ending in a comma."""
+    """Return words on lines of `width`, each but the last ending in a comma."""
     rows = [", ".join(words[k : k + width]) for k in range(0, len(words), width)]
     return [row + "," for row in rows[:-1]] + rows[-1:]

@@ -24,7 +24,7 @@ QUAD8: IntArray = np.array([0, 2, 8, 6, 1, 5, 7, 3])
 
 
 def _monomials(points: Array, slope: int | None = None) -> Array:
-    """Monomials of superlinear degree at most 2 at points (q, d), or their slope along one coordinate."""
+    """Return monomials of superlinear degree at most 2 at points (q, d), or their slope along one coordinate."""
     d = points.shape[1]
     powers = np.stack(np.meshgrid(*[range(3)] * d, indexing="ij"), -1).reshape(-1, d)
     powers = powers[(powers == 2).sum(axis=1) <= 1]
@@ -45,12 +45,12 @@ class Serendipity:
         self._coefficients = np.linalg.inv(_monomials(nodes))
 
     def shapes(self, points: Array) -> Array:
-        """(q, n)."""
+        """Return shape functions (q, n)."""
         values: Array = _monomials(points) @ self._coefficients
         return values
 
     def slopes(self, points: Array) -> Array:
-        """(q, n, d)."""
+        """Return slopes of the shape functions (q, n, d)."""
         parts = [_monomials(points, k) @ self._coefficients for k in range(self.dimension)]
         return np.stack(parts, axis=-1)
 
@@ -64,21 +64,21 @@ FILL: Array = HEXAHEDRON.shapes(
 
 
 def cube_rule(order: int) -> tuple[Array, Array]:
-    """Gauss points (order³, 3) and weights of the unit cube."""
+    """Return Gauss points (order³, 3) and weights of the unit cube."""
     point, weight = gauss(order)
     points = np.stack(np.meshgrid(point, point, point, indexing="ij"), axis=-1).reshape(-1, 3)
     return points, np.einsum("i,j,k->ijk", weight, weight, weight).ravel()
 
 
 def square_rule(order: int) -> tuple[Array, Array]:
-    """Gauss points (order², 2) and weights of the unit square."""
+    """Return Gauss points (order², 2) and weights of the unit square."""
     point, weight = gauss(order)
     points = np.stack(np.meshgrid(point, point, indexing="ij"), axis=-1).reshape(-1, 2)
     return points, np.outer(weight, weight).ravel()
 
 
 def triangle_shapes(points: Array) -> tuple[Array, Array]:
-    """Six-node triangle, corners (0,0), (1,0), (0,1), then mid-edge nodes: (q, 6) and slopes (q, 6, 2)."""
+    """Return shapes (q, 6) and slopes (q, 6, 2) of a six-node triangle: corners (0,0), (1,0), (0,1), mid-edge nodes."""
     r, s = points.T
     t = 1 - r - s
     area = np.stack([t, r, s], axis=-1)
@@ -94,12 +94,12 @@ def triangle_shapes(points: Array) -> tuple[Array, Array]:
 
 
 def triangle_rule() -> tuple[Array, Array]:
-    """Three points and weights: what CalculiX integrates the pressure on a six-node face with."""
+    """Return three points and weights, CalculiX' rule for the pressure on a six-node face."""
     return np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)
 
 
-def faces_of_cells(cells: IntArray, faces: IntArray) -> tuple[IntArray, IntArray]:
-    """Cell and deck's face number (f,) of boundary faces (f, 9)."""
+def deck_faces(cells: IntArray, faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Return cell and deck's face number (f,) of boundary faces (f, 9)."""
     centres = cells[:, FACES[:, FACE_CENTRE]]
     order = np.argsort(centres.ravel())
     found = order[np.searchsorted(centres.ravel(), faces[:, FACE_CENTRE], sorter=order)]

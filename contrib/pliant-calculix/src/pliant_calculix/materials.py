@@ -14,15 +14,16 @@ from pliant.interfaces.material import Material
 
 MOST_OGDEN_TERMS = 4  # ccx reads no more
 Constant = tuple[float, bool]  # value, whether it is a stress in Pa
-NO_TERM = 1e12  # a D that leaves its power of J − 1 out: CalculiX takes 0 for a value of its own
+NO_TERM = 1e12  # a D that removes its power of J − 1: CalculiX replaces 0 by a default
 PER_LINE = 8  # numbers on a data line
 
 
 def hyperelastic(material: Material, pa: float) -> list[str]:
-    """The card of a material and its data lines; `pa` is 1 Pa in the deck's unit of stress.
+    """Return the card of a material and its data lines; `pa` is 1 Pa in the deck's unit of stress.
 
     Raises `UserError` for a law that the programs do not have.
     """
+    material = material.resolved
     card = CARDS.get(material.config.kind)
     if card is None:
         raise UserError(

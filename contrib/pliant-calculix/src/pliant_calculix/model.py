@@ -12,12 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.by_region import solids_of
+from pliant.interfaces.by_region import material_solids
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_calculix.cap import Cap, Weights, build_cap, no_cap
-from pliant_calculix.elements import HEX20, QUAD8, faces_of_cells
+from pliant_calculix.elements import HEX20, QUAD8, deck_faces
 from pliant_calculix.materials import hyperelastic
 from pliant_calculix.plates import STIFFNESS, Plates, build_plates
 
@@ -28,7 +28,7 @@ CAP_POISSON = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What a deck says about a module before its first step.
+    """The content of a deck before its first step.
 
     Attributes:
         problem: the module.
@@ -38,7 +38,7 @@ class Model:
         pa: 1 Pa in the deck's unit of stress.
         solids: cells, numbered from 0, and `*HYPERELASTIC` card of the body and of each region.
         cap_law: that of the cap.
-        plates: what walls meet in the mirror planes, nothing without contact.
+        plates: contact plates in the mirror planes, none without contact.
         contact_stiffness: stress per mm of overclosure.
     """
 
@@ -65,7 +65,7 @@ class Model:
     @cached_property
     def cavity_faces(self) -> tuple[IntArray, IntArray]:
         """Element (from 0) and face number of the wetted faces."""
-        return faces_of_cells(self.problem.mesh.cells, self.problem.mesh.cavity)
+        return deck_faces(self.problem.mesh.cells, self.problem.mesh.cavity)
 
     @cached_property
     def places_m(self) -> Array:
@@ -80,7 +80,7 @@ class Model:
 
     @cached_property
     def follows(self) -> dict[tuple[int, int], Weights]:
-        """How the caps' nodes are led."""
+        """Return the couplings of the caps' nodes."""
         return {**self.cap.follows, **self.start_cap.follows}
 
     @cached_property
@@ -151,7 +151,7 @@ def build_model(
     closed_start: bool = False,
     contact: bool = False,
 ) -> Model:
-    """The model of a module, its walls held by the mirror planes where there is `contact`.
+    """Build the model of a module, its walls limited by the mirror planes with `contact`.
 
     Raises `UserError` for what this backend does not solve.
     """
@@ -163,7 +163,9 @@ def build_model(
     shear = cap_stiffness * material.shear_modulus_pa * pa
     bulk = 2 * shear * (1 + CAP_POISSON) / (3 * (1 - 2 * CAP_POISSON))
     cap_law = ("*HYPERELASTIC, NEO HOOKE", f"{shear / 2:.10g}, {2 / bulk:.10g}")
-    solids = tuple((cells, tuple(hyperelastic(own, pa))) for cells, own in solids_of(problem.mesh, material))
+    solids = tuple(
+        (cells, tuple(hyperelastic(own, pa))) for cells, own in material_solids(problem.mesh, material)
+    )
     plates = build_plates(problem, len(nodes) + len(start_cap.nodes_m), contact)
     stiffness = STIFFNESS * material.shear_modulus_pa * pa
     return Model(problem, cap, start_cap, element, pa, solids, cap_law, plates, stiffness)
@@ -191,7 +193,7 @@ def _check(problem: ModuleProblem) -> None:
 
 
 def _held_plainly(problem: ModuleProblem) -> bool:
-    """Whether what is fixed means the same in the frame of the sections and in space."""
+    """Return whether the fixed components are the same in the frame of the sections and in space."""
     start = problem.mesh.node_sets["start"]
     return all(
         name == "end" or component == 1 or problem.joint == "prismatic" or np.isin(nodes, start).all()

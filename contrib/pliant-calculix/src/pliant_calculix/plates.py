@@ -1,9 +1,9 @@
-"""Rigid plates in the planes that walls must not cross: what the skin meets in CalculiX' contact.
+"""Rigid plates in the planes that walls must not cross: the counterpart of the skin in CalculiX' contact.
 
-A plate is one 8-node brick whose face lies in the plane and whose nodes are led: at the start section they are held, at
-the end section they stay in the section's plane like the cap's (`equation_cards`; contact does not go together with
-`*MPC PLANE` in CalculiX 2.20). It has no stiffness to speak of. Faces of the skin that reach the plane at rest are no
-part of the skin's surface: their nodes are kept in the plane already.
+A plate is one 8-node brick whose face is in the plane and whose nodes are prescribed: at the start section they are
+fixed, at the end section they stay in the section's plane like the cap's (`equation_cards`; contact cannot be combined
+with `*MPC PLANE` in CalculiX 2.20). Its stiffness is negligible. Faces of the skin that reach the plane at rest are no
+part of the contact surface: their nodes are already kept in the plane.
 
 Contact is CalculiX' face-to-face penalty method without friction, linear in the overclosure.
 """
@@ -16,12 +16,14 @@ import numpy as np
 
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
-from pliant_calculix.elements import faces_of_cells
+from pliant_calculix.elements import deck_faces
 
 MARGIN = 1.5  # of the piece's largest extent, beyond it on every side
 THICK = 0.05  # of the span
 STIFFNESS = 200.0  # of contact: shear moduli of pressure per mm of overclosure
-PLATE_STIFFNESS = 1e-12  # Young's modulus over the contact's stiffness times 1 mm: all its nodes are led
+PLATE_STIFFNESS = (
+    1e-12  # Young's modulus over the contact's stiffness times 1 mm: all its nodes are prescribed
+)
 FACING = "S1"
 
 
@@ -47,16 +49,16 @@ class Plates:
         return self.first + np.arange(len(self.nodes_m)).reshape(-1, 8)
 
     def face(self, plane: str) -> IntArray:
-        """(4,) ids in the plane, none where there is no plate."""
+        """Return (4,) ids in the plane, none without a plate."""
         return self.bricks[self.planes[plane], :4] if plane in self.planes else np.empty(0, np.int64)
 
     def back(self, plane: str) -> IntArray:
-        """(4,) ids behind it."""
+        """Return (4,) ids behind it."""
         return self.bricks[self.planes[plane], 4:] if plane in self.planes else np.empty(0, np.int64)
 
 
 def build_plates(problem: ModuleProblem, first: int, contact: bool) -> Plates:
-    """The plates of a module, none without contact; `first` is the id of their first node."""
+    """Build the plates of a module, none without contact; `first` is the id of their first node."""
     mesh = problem.mesh
     names = problem.contact_planes if contact else ()
     low, high = mesh.nodes_m.min(axis=0), mesh.nodes_m.max(axis=0)
@@ -79,10 +81,10 @@ def build_plates(problem: ModuleProblem, first: int, contact: bool) -> Plates:
 
 
 def contact_cards(plates: Plates, cells: IntArray, first_element: int, stiffness: float) -> list[str]:
-    """Surfaces and pairs; `first_element` is the number of the first brick, `stiffness` in stress per mm."""
+    """Return surfaces and pairs; `first_element` is the number of the first brick, `stiffness` in stress per mm."""
     if not plates.planes:
         return []
-    elements, numbers = faces_of_cells(cells, plates.skin)
+    elements, numbers = deck_faces(cells, plates.skin)
     cards = ["*SURFACE, NAME=SKIN, TYPE=ELEMENT"]
     cards += [f"{e + 1}, S{n}" for e, n in zip(elements, numbers, strict=True)]
     for name, k in plates.planes.items():

@@ -1,4 +1,4 @@
-"""Runs `ccx` on a deck in a folder of its own and reads what it printed."""
+"""Runs `ccx` on a deck in a separate folder and reads its output."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HEADER = re.compile(r"^\s*(displacements|forces) \(.*\) for set (\S+) and time\s
 
 
 class RunFailedError(ArithmeticError):
-    """The program did not reach every point; the message is the last that it said."""
+    """The program did not reach every point; the message is its last output."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Answers:
 
 
 def find(program: str) -> str:
-    """Path of the program. Raises `MissingDependencyError`."""
+    """Return the path of the program. Raises `MissingDependencyError`."""
     path = shutil.which(program)
     if path is None:
         raise MissingDependencyError(
@@ -84,7 +84,7 @@ def run(
 
 
 def read_answers(file: Path, nodes: int) -> list[Answer]:
-    """The answers that a `.dat` file holds at the times 1, 2, …."""
+    """Return the answers of a `.dat` file at the times 1, 2, …."""
     if not file.exists():
         return []
     tables: dict[float, dict[str, Array]] = {}
@@ -101,7 +101,7 @@ def read_answers(file: Path, nodes: int) -> list[Answer]:
 
 @contextmanager
 def _folder(keep: Path | None) -> Iterator[Path]:
-    """A folder for one run: temporary, or a new one in `keep`."""
+    """Provide a folder for one run: temporary, or a new one in `keep`."""
     if keep is None:
         with tempfile.TemporaryDirectory(prefix="pliant-calculix-") as name:
             yield Path(name)
@@ -111,13 +111,13 @@ def _folder(keep: Path | None) -> Iterator[Path]:
 
 
 def _iterations(file: Path) -> int:
-    """Newton iterations of all attempts, from a `.sta` file."""
+    """Return Newton iterations of all attempts, from a `.sta` file."""
     rows = [line.split() for line in file.read_text().splitlines()] if file.exists() else []
     return sum(int(row[3]) for row in rows if len(row) == 7 and row[0].isdigit())
 
 
 def _last_words(output: str) -> str:
-    """The program's last error, or its last sentence."""
+    """Return the program's last error, or its last sentence."""
     lines = [" ".join(line.split()) for line in output.splitlines() if line.strip()]
     errors = [k for k, line in enumerate(lines) if "*ERROR" in line]
     if errors:

@@ -1,8 +1,8 @@
-"""What an answer says about the piece: moment and force at the end section, energy, cavity, residual.
+"""Quantities of the piece from an answer: moment and force at the end section, energy, cavity, residual.
 
 CalculiX prints the internal forces f of nodes, before constraints. At equilibrium f = f_p + λ, with f_p the nodal
-forces of the pressure on the deformed faces, computed here by the same rules as CalculiX', and λ those of what
-holds the end section; λ gives the moment that opposes the actuation.
+forces of the pressure on the deformed faces, computed here by the same rules as CalculiX', and λ the reactions at the
+end section; λ gives the moment that opposes the actuation.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ RULE = {"C3D20": 3, "C3D20R": 2}  # Gauss points along an edge
 
 @dataclass(frozen=True)
 class Reaction:
-    """At the end section of the piece, SI.
+    """Reactions at the end section of the piece, SI.
 
     Attributes:
         moment_n_m: moment about y that turns the section, zero where the angle is free.
         force_n: force along the section's normal.
-        residual_n: largest force at a node that nothing holds.
+        residual_n: largest force at an unconstrained node.
     """
 
     moment_n_m: float
@@ -47,7 +47,7 @@ class Reaction:
 
 
 class Reader:
-    """Reads the answers of one model."""
+    """A reader of the answers of one model."""
 
     def __init__(self, model: Model, material: Material) -> None:
         self.model, self.material = model, material_by_cell(model.problem.mesh, material)
@@ -67,7 +67,7 @@ class Reader:
         self._weights = np.linalg.det(jacobian) * weights
 
     def reaction(self, answer: Answer, pressure_pa: float, theta: float) -> Reaction:
-        """Reaction at an angle θ of the piece (rad)."""
+        """Return reaction at an angle θ of the piece (rad)."""
         places = MM * self.model.places_m + answer.displacement[: len(self.model.places_m)]
         held = answer.force[: len(places)] - self._pressure_forces(places, self.model.pa * pressure_pa)
         held = held / self.model.newton
@@ -79,12 +79,12 @@ class Reader:
         return Reaction(-1e-3 * float(force @ arm), float(force.sum()), self._residual(held, normal))
 
     def strain_energy(self, displacement_m: Array) -> float:
-        """∫W over the body in J, of nodal displacements (n, 3), by the elements' own rule."""
+        """Return ∫W over the body in J, of nodal displacements (n, 3), by the elements' own rule."""
         gradient = np.einsum("mai,mqaj->mqij", displacement_m[self.model.cells], self._slopes)
         return float(np.sum(self.material.energy(np.eye(3) + gradient) * self._weights))
 
     def internal_forces(self, displacement_m: Array) -> Array:
-        """∂∫W/∂u in N, (n, 3): what the program prints if its law is the material."""
+        """Return ∂∫W/∂u in N, (n, 3): the program's output if its law is the material."""
         gradient = np.einsum("mai,mqaj->mqij", displacement_m[self.model.cells], self._slopes)
         stress = self.material.evaluate(np.eye(3) + gradient).stress
         forces = np.zeros_like(self.model.places_m)
@@ -94,7 +94,7 @@ class Reader:
         return forces
 
     def cavity_m3(self, displacement_m: Array) -> float:
-        """Volume of the piece's cavity: −∫ y n_y dA over the wetted faces; other borders add nothing."""
+        """Return volume of the piece's cavity: −∫ y n_y dA over the wetted faces; other borders add nothing."""
         places = self.model.places_m + displacement_m
         nodes, value, slope, weight = self._faces[0]
         normal = _normals(places, nodes, slope)
@@ -102,7 +102,7 @@ class Reader:
         return -float(np.einsum("fq,fq,q->", width, normal[..., 1], weight))
 
     def displacement_m(self, answer: Answer, target: Target) -> Array:
-        """(n, 3) in m of the mesh's nodes and the cap's; those in no element are interpolated.
+        """Return (n, 3) in m of the mesh's nodes and the cap's; those in no element are interpolated.
 
         Printed with seven digits, the end section is put back exactly on its plane.
         """
@@ -115,7 +115,7 @@ class Reader:
         return moved
 
     def _pressure_forces(self, places: Array, pressure: float) -> Array:
-        """Nodal forces (n, 3) of the pressure on the faces at these places (mm), in the deck's units."""
+        """Return nodal forces (n, 3) of the pressure on the faces at these places (mm), in the deck's units."""
         forces = np.zeros_like(places)
         for nodes, value, slope, weight in self._faces:
             normal = _normals(places, nodes, slope)
@@ -123,7 +123,7 @@ class Reader:
         return forces
 
     def _residual(self, held: Array, normal: Array) -> float:
-        """Largest force at nodes and along directions that nothing holds."""
+        """Return the largest force at unconstrained nodes and along unconstrained directions."""
         left = held.copy()
         section = self.model.section
         left[section] -= (left[section] @ normal)[:, None] * normal
@@ -136,6 +136,6 @@ class Reader:
 
 
 def _normals(places: Array, nodes: IntArray, slope: Array) -> Array:
-    """(f, q, 3) normals times area per reference area, out of the solid."""
+    """Return (f, q, 3) normals times area per reference area, out of the solid."""
     along = np.einsum("fai,qak->fqik", places[nodes], slope)
     return np.cross(along[..., 0], along[..., 1])

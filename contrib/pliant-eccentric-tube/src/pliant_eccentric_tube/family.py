@@ -13,9 +13,9 @@ from pliant_eccentric_tube.section import Section
 
 
 class EccentricTube(QuarterModule):
-    """One design of the eccentric tube; the joint stands on the tube's axis, at mid-module.
+    """One design of the eccentric tube; the joint is on the tube's axis, at mid-module.
 
-    The section is uniform, so that mirror planes at both ends are exact; the pin holds the rigid motion along z.
+    The section is uniform, so that mirror planes at both ends are exact; the pin prevents the rigid motion along z.
     """
 
     mass_refinement = 4  # quadratic faces then follow the circles to 2e-7 of the mass

@@ -18,7 +18,7 @@ AROUND, WALL, ALONG = 8, 2, 1
 
 
 def build_mesh(section: Section, half_length_m: float, refinement: int = 1) -> ModuleMesh:
-    """The mesh of half a module. Node sets: `start`, `end`, `symmetry` (y = 0), `pin` (bottom of the start)."""
+    """Build the mesh of half a module. Node sets: `start`, `end`, `symmetry` (y = 0), `pin` (bottom of the start)."""
     nodes, ids = numbered(_grid(section, half_length_m, refinement))  # [along, around, outward]
     # at the bottom x, −z, y, which is right-handed: along, outward, around
     cells = grid_cells(ids.transpose(0, 2, 1))
@@ -29,7 +29,7 @@ def build_mesh(section: Section, half_length_m: float, refinement: int = 1) -> M
 
 
 def _grid(section: Section, half_length_m: float, refinement: int) -> Array:
-    """Node positions [along, around, outward, 3]."""
+    """Return node positions [along, around, outward, 3]."""
     x = np.linspace(0.0, half_length_m, 2 * ALONG * refinement + 1)
     phi = np.linspace(0.0, np.pi, 2 * AROUND * refinement + 1)
     depth = np.linspace(0.0, 1.0, 2 * WALL * refinement + 1)[:, None]

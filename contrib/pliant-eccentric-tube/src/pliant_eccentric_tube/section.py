@@ -1,6 +1,6 @@
 """The section of the tube: validity and closed forms.
 
-The tube's axis is the line y = z = 0; the bore's axis lies at z = d. The wall is R − a − d thick at the top (+z) and
+The tube's axis is the line y = z = 0; the bore's axis is at z = d. The wall is R − a − d thick at the top (+z) and
 R − a + d at the bottom, toward which pressure bends the tube.
 """
 
@@ -31,7 +31,7 @@ class Section:
         return self.outer_m - self.bore_m - self.offset_m
 
     def needs(self, length_m: float) -> Iterator[Need]:
-        """What a tube that can be made and meshed keeps, of a module this long."""
+        """Yield the conditions for a tube of this module length that can be made and meshed."""
         least = THINNEST_SHARE * self.outer_m
         thin = f"outer_radius − bore_radius − offset ≥ {THINNEST_SHARE:g} outer_radius (the thin wall)"
         yield Need(thin, self.thinnest_m, least)

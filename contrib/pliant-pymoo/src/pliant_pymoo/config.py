@@ -1,4 +1,4 @@
-"""What a study may say about the evolutionary searches."""
+"""Configuration of the evolutionary searches."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from pliant.interfaces.optimizer import OptimizerConfig
+from pliant_search.optimizer import OptimizerConfig
 
 
 class DeConfig(OptimizerConfig):

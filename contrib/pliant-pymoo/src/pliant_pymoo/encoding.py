@@ -6,19 +6,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Value, Variable
 from pliant.records.design import Array
+from pliant_search.optimizer import Value, Variable
 
 CHOSEN, NOT_CHOSEN = 0.75, 0.25  # where a guess puts the coordinates of a choice
 
 
 def size(variables: Sequence[Variable]) -> int:
-    """How many coordinates there are: one for a number, one for each choice."""
+    """Return the number of coordinates: one for a number, one for each choice."""
     return sum(_width(variable) for variable in variables)
 
 
 def decoded(variables: Sequence[Variable], x: Array) -> dict[str, Value]:
-    """Variable → value for coordinates x (n,). Whole numbers have equal shares of 0…1; the largest choice wins."""
+    """Return variable → value for coordinates x (n,). Integers have equal shares of 0…1; the largest choice wins."""
     values: dict[str, Value] = {}
     first = 0
     for v in variables:
@@ -35,7 +35,7 @@ def decoded(variables: Sequence[Variable], x: Array) -> dict[str, Value]:
 
 
 def encoded(variables: Sequence[Variable], guess: Mapping[str, Value], x: Array) -> Array:
-    """Coordinates (n,) that decode to the guess; what the guess leaves out stays as in x."""
+    """Return coordinates (n,) that decode to the guess; omitted variables stay as in x."""
     told = np.array(x, float)
     first = 0
     for v in variables:

@@ -1,7 +1,7 @@
-"""pymoo's algorithms as ask and tell, a generation at a time.
+"""pymoo's algorithms with the ask-and-tell interface, a generation at a time.
 
-pymoo's own state cannot be written as JSON; with the same seed and the same results it does the same again, so the
-state is what was told, and `restore` tells it once more.
+pymoo's state cannot be written as JSON; with the same seed and results it is reproducible, so the state consists of the
+results, and `restore` replays them.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pymoo.core.termination import NoTermination
 from pymoo.problems.static import StaticProblem
 from scipy.stats import qmc
 
-from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 from pliant.records.design import Array
 from pliant_pymoo import encoding
 from pliant_pymoo.config import DeConfig, Nsga2Config
+from pliant_search.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 
 # Violation that a failed evaluation counts as: worse than every design that works, better than every refused one.
 FAILED = 1e-12
@@ -31,9 +31,10 @@ Told = tuple[tuple[float, ...], float]  # objectives and violation; no objective
 
 
 class Evolution(Optimizer):
-    """A generation is handed out as it is asked for, and learned when all of it is told.
+    """pymoo's algorithms: a generation is handed out on request and learned when all its results are known.
 
-    Asked for more while a generation waits, it gives random candidates, which keep workers busy and teach nothing.
+    If more are requested while a generation is pending, it returns random candidates, which keep workers busy and are
+    not learned from.
     """
 
     _numbers: dict[int, int]  # candidate → member of the generation
@@ -59,14 +60,14 @@ class Evolution(Optimizer):
 
     @abstractmethod
     def members(self, coordinates: int) -> int:
-        """Size of the population."""
+        """Return the size of the population."""
 
     @abstractmethod
     def algorithm(self, sample: Array) -> Any:
-        """pymoo's algorithm with this first generation (members, coordinates)."""
+        """Return pymoo's algorithm with this first generation (members, coordinates)."""
 
     def ask(self, count: int) -> Sequence[Trial]:
-        """What is left of the generation, `count` at most; random candidates when nothing is left."""
+        """Return the rest of the generation, at most `count`; random candidates if none remain."""
         free = [k for k in range(len(self._population)) if k not in self._numbers.values()][:count]
         if free:
             return [self._candidate(self._population[k].X, member=k) for k in free]
@@ -83,7 +84,7 @@ class Evolution(Optimizer):
             self._learn([self._told[k] for k in range(len(self._population))])
 
     def state(self) -> Mapping[str, Any]:
-        """The space, the seed and everything that was told."""
+        """Return the space, the seed and all results."""
         return {
             "space": self._space.as_json(),
             "seed": self._seed,
@@ -94,7 +95,7 @@ class Evolution(Optimizer):
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Tell it all again."""
+        """Replay all results."""
         self.start(Space.from_json(state["space"]), int(state["seed"]))
         for generation in state["history"]:
             self._learn([(tuple(o), float(v)) for o, v in generation])

@@ -1,16 +1,16 @@
-"""What this package brings to Pliant. Imported at every start of Pliant, so nothing heavy is imported here."""
+"""Components of this package. Imported at every start of Pliant, so no heavy library is imported here."""
 
 from collections.abc import Iterable
 
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
-CONTRACT = 2  # of Pliant's plugins; docs/plugin_contract.md says what a later number changes
+CONTRACT = 3  # of Pliant's plugins; docs/plugin_contract.md says what a later number changes
 
 
 @hookimpl
 def pliant_components() -> Iterable[Component]:
-    """The two optimizers."""
+    """Return the two optimizers."""
     return [
         Component(
             interface="optimizer",

@@ -17,7 +17,7 @@ from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.quasistatic.batch import settle_together
 from pliant_plugins.physics.quasistatic.compiled_solver import Packs
 from pliant_plugins.physics.quasistatic.newton import NewtonOptions
-from pliant_warp.batch import Relaxation, device_of, suits
+from pliant_warp.batch import Relaxation, suits, warp_device
 from pliant_warp.config import MujocoWarpConfig
 
 FREE_TURN = 1.0  # rad; no step is made
@@ -30,18 +30,11 @@ class MujocoWarp(Mujoco):
     and so does a chain that a batch leaves at an equilibrium that is no minimum.
     """
 
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"),
-        dynamic=True,
-        internal_states=True,
-        batch=True,
-        contacts=True,
-        export="mjcf",
-    )
+    capabilities: ClassVar[Capabilities] = Capabilities(("revolute", "spherical", "prismatic"), dynamic=True)
     config: MujocoWarpConfig
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
-        """Each chain from its straight state; those with the same number of joints together."""
+        """Settle each chain from its straight state, chains with the same number of joints together."""
         groups: dict[int, list[int]] = {}
         for k, case in enumerate(cases):
             if suits(case):
@@ -55,7 +48,7 @@ class MujocoWarp(Mujoco):
 
     def _together(self, cases: dict[int, Case]) -> dict[int, Equilibrium]:
         started, every = time.perf_counter(), list(cases.values())
-        angles, steps = Relaxation(every, self.config, device_of(self.config)).run()
+        angles, steps = Relaxation(every, self.config, warp_device(self.config)).run()
         each_s = (time.perf_counter() - started) / len(cases)
         # Newton's method without a step is a verdict, and a compiled one: minima within the tolerance.
         verdict = NewtonOptions(self.config.batch_tolerance, 0, FREE_TURN)
@@ -71,8 +64,8 @@ class MujocoWarp(Mujoco):
         return {k: one for k, one in judged.items() if one is not None}
 
     def _judged(self, case: Case, q: Array, steps: int, wall_s: float) -> Equilibrium | None:
-        """By the common statics in double precision; None where it is balanced at no minimum."""
-        statics, loads = ChainStatics(case.chain), Loads.of(case.chain, case.inputs)
+        """Check the state with the common statics in double precision; None if it is balanced but no minimum."""
+        statics, loads = ChainStatics(case.chain), Loads.from_inputs(case.chain, case.inputs)
         residual = float(np.abs(statics.residual(q, loads)).max())
         converged = residual <= self.config.batch_tolerance
         if converged and unstable_mode(statics.balance(q, loads).stiffness) is not None:

@@ -20,7 +20,7 @@ from pliant_plugins.physics.quasistatic.loop_laws import LawTable, tabulate
 from pliant_warp.config import MujocoWarpConfig
 from pliant_warp.kernels import drive, judge
 
-wp.config.quiet = True  # before anything of it is loaded: it prints what it compiles
+wp.config.quiet = True  # before any of it is loaded: it prints compilations
 import mujoco_warp  # noqa: E402
 
 # Numbers of a body that differ between chains; Warp keeps one for each world.
@@ -41,8 +41,8 @@ STILL = 2e-6
 BASE = 1  # bodies: world, base, body 1…n, tip
 
 
-def device_of(config: MujocoWarpConfig) -> Any:
-    """Warp's device; raises `UserError` where there is none of that name."""
+def warp_device(config: MujocoWarpConfig) -> Any:
+    """Return Warp's device; raise `UserError` if no device has that name."""
     wp.init()
     names = [str(device) for device in wp.get_devices()]
     if config.device == "auto":
@@ -53,7 +53,7 @@ def device_of(config: MujocoWarpConfig) -> Any:
 
 
 def suits(case: Case) -> bool:
-    """Whether a case can go into a batch: a hinge chain with one actuator, whose loads act at its end."""
+    """Return whether a case can go into a batch: a hinge chain with one actuator, whose loads act at its end."""
     chain, inputs = case.chain, case.inputs
     one_law = all(law.joint == "revolute" and len(law.actuations) == 1 for law in chain.laws)
     shared = not any(joint.drives for joint in chain.joints) and len(chain.actuators) == 1
@@ -94,7 +94,7 @@ class Relaxation:
             self.caution = wp.full(count, 1.0, dtype=float)
 
     def _laws(self) -> None:
-        """Tables of all laws, and who has which."""
+        """Build the tables of all laws and their assignment."""
         laws: dict[int, JointLaw] = {id(law): law for case in self.cases for law in case.chain.laws}
         number = {identity: k for k, identity in enumerate(laws)}
         pressures = np.array([_pressure(case) for case in self.cases])
@@ -121,7 +121,7 @@ class Relaxation:
         self.extra = wp.array(extra.astype(np.float32), dtype=float)
 
     def run(self) -> tuple[Array, int]:
-        """Joint angles (worlds, n) where nothing moves any more, or after so many steps; the number of steps."""
+        """Step until all chains are at rest or the step limit; return joint angles (worlds, n) and the steps."""
         steps = 0
         with wp.ScopedDevice(self.device):
             graph = None
@@ -157,12 +157,12 @@ class Relaxation:
 
 
 def _models(chains: Sequence[ChainModel]) -> list[Any]:
-    """MuJoCo's model of each chain; chains that are one object share theirs."""
+    """Return MuJoCo's model of each chain; chains that are one object share theirs."""
     made: dict[int, Any] = {}
     for chain in chains:
         if id(chain) not in made:
             model = made[id(chain)] = mujoco.MjModel.from_xml_string(chain_mjcf(chain))
-            model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # Warp knows none
+            model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # Warp supports none
     return [made[id(chain)] for chain in chains]
 
 
@@ -171,7 +171,7 @@ def _pressure(case: Case) -> float:
 
 
 def _bound(case: Case, model: Any) -> NDArray[np.float64]:
-    """(n,) half of Σ force · distance beyond each joint: no load's stiffness has larger rows than twice that."""
+    """Return (n,) half of Σ force · distance beyond each joint, a bound of the loads' stiffness rows."""
     n, gravity = case.chain.n_joints, float(np.linalg.norm(case.chain.gravity_m_s2))
     weights = gravity * model.body_mass[BASE + 1 :] * (1.0 - model.body_gravcomp[BASE + 1 :])
     weights[-1] = gravity * case.chain.payload_kg + float(np.linalg.norm(case.inputs.tip_force_n))

@@ -17,7 +17,7 @@ REGAIN = wp.constant(0.8)
 
 @wp.func
 def power_sum(c0: float, c1: float, c2: float, c3: float, y: float) -> float:
-    """c0 + c1 y + c2 y² + c3 y³."""
+    """Return c0 + c1 y + c2 y² + c3 y³."""
     return c0 + y * (c1 + y * (c2 + y * c3))
 
 
@@ -37,7 +37,7 @@ def drive(
     damping: wp.array2d(dtype=float),  # type: ignore[valid-type]
     before: wp.array2d(dtype=float),  # type: ignore[valid-type]
 ) -> None:
-    """Force τ − M and damping of each joint where the chain is now.
+    """Compute force τ − M and damping of each joint at the present state.
 
     Args:
         cells, grids: of each law, coefficients of xᵃ yᵇ by cell (laws · rows, columns) and first p, step, first u,
@@ -81,7 +81,7 @@ def judge(
     caution: wp.array(dtype=float),  # type: ignore[valid-type]
     moved: wp.array(dtype=float),  # type: ignore[valid-type]
 ) -> None:
-    """Of each chain: undo a step that went too far, halt where its kinetic energy has peaked; the longest move."""
+    """Undo too long a step of each chain, halt it at a peak of kinetic energy, and store the longest move."""
     world = wp.tid()
     n = qpos.shape[1]
     longest = float(0.0)

@@ -1,7 +1,7 @@
-"""Clocks of two recorders: readings that come before their cause, or fall behind it more and more.
+"""Mismatch of two recorders' clocks: readings that lead their inputs, or lag behind them increasingly.
 
-A constant delay may be physics (a supply, a filter, a damper) and is left to the effects. That readings lead their
-inputs, or that their delay grows along a run, cannot be.
+A constant delay may be physical (a supply, a filter, a damper) and is left to the effects. A lead of the readings or a
+delay that grows along a run cannot be.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
 MOST_SAMPLES = 800
-LONGEST_S, OF_RUN = 10.0, 0.1  # shifts that are tried: so long, and of a run's length
+LONGEST_S, OF_RUN = 10.0, 0.1  # longest shifts that are tried: seconds, and share of a run's length
 STEPS = 1.5  # samples by which readings lead at least
 # A shift must leave at most this share of the squared error without it, with a free gain and zero.
 LOWER = 0.35
 WINDOWS, FEWEST = 4, 16  # of a run, and samples of each
-STRAIGHT = 0.9  # of the variance of the delays that a straight line tells
-MOVES = 0.2  # of an output's range that it moves in a window that can tell a delay
+STRAIGHT = 0.9  # of the variance of the delays that a straight line must explain
+MOVES = 0.2  # of an output's range: a window with less motion does not determine a delay
 GRID = 81
 
 
@@ -41,7 +41,7 @@ class _Timed:
         return _Timed(self.time_s[first:last], self.read[first:last], self.predicted)
 
     def square(self, delay_s: Array | float, clock_s: Array) -> float:
-        """Sum of squares of what is left when the prediction comes so much later, gain and zero free."""
+        """Return the residual sum of squares with the prediction delayed by `delay_s`, with free gain and zero."""
         at = self.time_s - delay_s
         total = 0.0
         for k in range(self.read.shape[1]):
@@ -55,7 +55,7 @@ class _Timed:
 
 
 def clock_mistakes(predictor: Predictor) -> list[Mistake]:
-    """Return a clock that is off or that drifts; none where readings follow their inputs."""
+    """Return the mistake of a clock with an offset or a drift; empty where readings follow their inputs."""
     runs = _timed(predictor)
     if not runs:
         return []
@@ -87,7 +87,7 @@ def clock_mistakes(predictor: Predictor) -> list[Mistake]:
 
 
 def _drift(runs: Sequence[_Timed], grid: Array, constant: float, step_s: float) -> Mistake | None:
-    """A delay that grows along the runs, by a straight line through the delays of windows."""
+    """Return a delay that grows along the runs, by a straight line through the delays of windows, or None."""
     times, delays = [], []
     for run in runs:
         for first, last in _windows(run):
@@ -120,7 +120,7 @@ def _drift(runs: Sequence[_Timed], grid: Array, constant: float, step_s: float) 
 
 
 def _windows(run: _Timed) -> list[tuple[int, int]]:
-    """Stretches of equal length in which something moves."""
+    """Return windows of equal length in which an output moves."""
     n = len(run.time_s) // WINDOWS
     if n < FEWEST:
         return []
@@ -129,7 +129,7 @@ def _windows(run: _Timed) -> list[tuple[int, int]]:
 
 
 def _vertex(grid: Array, squares: Array, best: int) -> float:
-    """The minimum of the parabola through the best point and its neighbours."""
+    """Return the minimum of the parabola through the best point and its neighbours."""
     if not 0 < best < len(grid) - 1:
         return float(grid[best])
     left, middle, right = squares[best - 1 : best + 2]
@@ -145,7 +145,7 @@ def _errors(runs: Sequence[_Timed], before: float, after: float) -> tuple[float,
 
 
 def _timed(predictor: Predictor) -> list[_Timed]:
-    """Runs with a clock and their predictions at equilibrium, the first ones up to a number of samples."""
+    """Return runs with a clock and their predictions at equilibrium, the first ones up to a number of samples."""
     measurement, count = predictor.measurement, 0
     chosen: list[MeasuredRun] = []
     for run in measurement.runs:
@@ -158,7 +158,7 @@ def _timed(predictor: Predictor) -> list[_Timed]:
     if not chosen:
         return []
     part: Measurement = replace(measurement, runs=tuple(chosen))
-    model = StaticModel.of(predictor, part)
+    model = StaticModel.from_predictor(predictor, part)
     if model is None:
         return []
     predicted, names = model.predict(), list(model.readings)

@@ -1,4 +1,4 @@
-"""Columns that mean something else: another unit, another sign, exchanged with a neighbour."""
+"""Alternative meanings of columns: another unit, another sign, an exchange with a neighbour."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from pliant.evidence.bookkeeping.mistake import Correction, MistakeKind, ReadingsByName
 from pliant.formatting import listed, number
-from pliant.measurements.columns import unit_of
+from pliant.measurements.columns import column_si_unit
 from pliant.measurements.plausible import as_key
 from pliant.records.history import FORCES, History
 from pliant.records.measurement import Measurement
-from pliant.tabular.units import conversion, fits
+from pliant_tables.units import conversion, fits
 
-# Units that people record in, by SI unit; what is taken for one of them was probably written in another.
+# Units in common use, by SI unit; a column with a wrong unit was probably written in another one of these.
 UNITS = {
     "Pa": ("Pa", "mbar", "kPa", "psi", "bar", "MPa"),
     "rad": ("deg", "rad"),
@@ -26,28 +26,28 @@ UNITS = {
     "N*m": ("N*mm", "N*cm", "N*m"),
     "kg": ("g", "oz", "kg"),
 }
-# A factor nearer to 1 may be a gain, a stiffness or a wrong law.
+# A factor closer to 1 may be a gain, a stiffness or a wrong law.
 LEAST_FACTOR = 2.2
-SAME = 0.03  # by which factors of two mistakes part that nobody can tell apart
+SAME = 0.03  # relative: closer factors of two mistakes cannot be distinguished
 AXIS = re.compile(r"(tip|marker_\d+)_([xyz])_m")
 JOINT = re.compile(r"joint_(\d+)_angle_rad")
-MOST_EXCHANGED = 4  # inputs, of which every order is tried
+MOST_EXCHANGED = 4  # inputs: up to this number, every order is tried
 
 
 def column_corrections(measurement: Measurement, outputs: Sequence[str]) -> Iterator[Correction]:
-    """Yield what the columns of a recording may mean instead, readings first."""
-    yield from _units_of_readings(measurement, outputs)
-    yield from _signs_of_readings(measurement, outputs)
+    """Yield alternative meanings of the columns of a recording, readings first."""
+    yield from _reading_unit_corrections(measurement, outputs)
+    yield from _reading_sign_corrections(measurement, outputs)
     yield from _frames(measurement, outputs)
     yield from _joint_order(measurement, outputs)
     histories = [run.history for run in measurement.runs]
-    yield from _units_of_inputs(measurement, tuple(histories[0].actuation))
-    yield from _signs_of_inputs(measurement, tuple(histories[0].actuation))
+    yield from _input_unit_corrections(measurement, tuple(histories[0].actuation))
+    yield from _input_sign_corrections(measurement, tuple(histories[0].actuation))
     yield from _exchanged_inputs(measurement, tuple(histories[0].actuation))
 
 
 def load_corrections(measurement: Measurement) -> Iterator[Correction]:
-    """Yield what the loads of a recording may mean instead: units and signs."""
+    """Yield alternative units and signs of the loads of a recording."""
     signals = [run.history.signals() for run in measurement.runs]
     for name in ("payload_kg", "moment_n_m", *FORCES):
         if not any(np.any(table.get(name, np.zeros(1))) for table in signals):
@@ -68,7 +68,7 @@ def headings(measurement: Measurement, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(measurement.headed.get(name, name) for name in names)
 
 
-def _units_of_readings(measurement: Measurement, outputs: Sequence[str]) -> Iterator[Correction]:
+def _reading_unit_corrections(measurement: Measurement, outputs: Sequence[str]) -> Iterator[Correction]:
     for names in _groups(measurement, outputs):
         where = headings(measurement, names)
         for words, factor, remedy in _other_units(measurement, names):
@@ -76,10 +76,10 @@ def _units_of_readings(measurement: Measurement, outputs: Sequence[str]) -> Iter
 
 
 def _groups(measurement: Measurement, outputs: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Outputs that share their unit in the file, together and one by one."""
+    """Yield groups of outputs that share a unit in the file, each group as a whole and then one by one."""
     groups: dict[tuple[str, str], list[str]] = {}
     for name in outputs:
-        si = unit_of(name)
+        si = column_si_unit(name)
         groups.setdefault((si, measurement.written.get(name, si)), []).append(name)
     for names in groups.values():
         yield tuple(names)
@@ -88,12 +88,12 @@ def _groups(measurement: Measurement, outputs: Sequence[str]) -> Iterator[tuple[
 
 
 def _other_units(measurement: Measurement, names: Sequence[str]) -> Iterator[tuple[str, float, str]]:
-    """Each other unit of these columns in words, the factor that it means, and what to write.
+    """Yield every other unit of these columns in words, the factor that it means, and what to write.
 
-    First units that may stand in the column instead of its own, then pairs of which one was taken for the other when
-    somebody converted the column.
+    Other units of the column come first, then pairs of units that may have been confused when the column was
+    converted.
     """
-    si = unit_of(names[0])
+    si = column_si_unit(names[0])
     written, known = measurement.written.get(names[0], si), UNITS.get(si, ())
     if not known or not fits(written, si):
         return
@@ -121,7 +121,7 @@ def _other_units(measurement: Measurement, names: Sequence[str]) -> Iterator[tup
             )
 
 
-def _signs_of_readings(measurement: Measurement, outputs: Sequence[str]) -> Iterator[Correction]:
+def _reading_sign_corrections(measurement: Measurement, outputs: Sequence[str]) -> Iterator[Correction]:
     for name in outputs:
         if not AXIS.fullmatch(name):
             where = headings(measurement, (name,))
@@ -137,7 +137,7 @@ def _signs_of_readings(measurement: Measurement, outputs: Sequence[str]) -> Iter
 
 
 def _frames(measurement: Measurement, outputs: Sequence[str]) -> Iterator[Correction]:
-    """Other axes of the camera: every order of the axes that were read, with every sign."""
+    """Yield other axes of the camera: every order of the axes that were read, with every sign."""
     axes = sorted({match[2] for name in outputs if (match := AXIS.fullmatch(name))})
     bodies = sorted({match[1] for name in outputs if (match := AXIS.fullmatch(name))})
     whole = all(f"{body}_{axis}_m" in outputs for body in bodies for axis in axes)
@@ -180,7 +180,7 @@ def _exchanged_readings(measurement: Measurement, a: str, b: str) -> Correction:
     return Correction("exchanged", where, words, remedy, readings=partial(_in_frame, table))
 
 
-def _units_of_inputs(measurement: Measurement, inputs: Sequence[str]) -> Iterator[Correction]:
+def _input_unit_corrections(measurement: Measurement, inputs: Sequence[str]) -> Iterator[Correction]:
     for names in _groups(measurement, inputs):
         where = headings(measurement, names)
         for words, factor, remedy in _other_units(measurement, names):
@@ -188,7 +188,7 @@ def _units_of_inputs(measurement: Measurement, inputs: Sequence[str]) -> Iterato
             yield Correction("unit", where, words, remedy, inputs=change, drive=factor)
 
 
-def _signs_of_inputs(measurement: Measurement, inputs: Sequence[str]) -> Iterator[Correction]:
+def _input_sign_corrections(measurement: Measurement, inputs: Sequence[str]) -> Iterator[Correction]:
     where = headings(measurement, inputs)
     words = f"{listed(where)} {'has' if len(where) == 1 else 'have'} the wrong sign"
     remedy = f"Multiply {listed(where)} by −1 in the file, or look at the signs in 'chain.actuators'."
@@ -240,7 +240,7 @@ def _times(factors: Mapping[str, float]) -> Callable[[ReadingsByName], ReadingsB
 
 
 def _in_frame(table: Mapping[str, tuple[float, str]], readings: ReadingsByName) -> ReadingsByName:
-    """Readings whose names in `table` are a sign times another reading."""
+    """Return the readings, with those named in `table` replaced by a sign times another reading."""
     moved = {name: sign * readings[source] for name, (sign, source) in table.items()}
     return {**readings, **moved}
 

@@ -1,4 +1,4 @@
-"""All mistakes of a record that can be seen before any dynamics, the gravest first."""
+"""All bookkeeping mistakes of a recording that are visible before any dynamics, the gravest first."""
 
 from __future__ import annotations
 
@@ -25,49 +25,49 @@ from pliant.mechanics.full_scale import full_scale
 from pliant.mechanics.held import is_held
 from pliant.records.measurement import Measurement
 
-# A record is asked about units, signs and axes where even a free gain and zero of each output leave so much.
+# Units, signs and axes are examined where this error remains even with a free gain and zero of each output.
 UNLIKE = 0.35
-# A correction is told where it leaves so little of the spread, this share of the error before, and this share of what
-# a gain and a zero of each output would leave.
+# A correction is reported if its error is at most this share of the spread, of the error before, and of the error
+# with a free gain and zero of each output.
 GOOD, LOWER, LOWER_THAN_GAIN = 0.45, 0.4, 0.6
-# Of corrections that are about as good the first is told.
+# Among corrections within this factor of the best the first is reported.
 ABOUT = 1.05
-# Of two that differ by zeros alone the one is told that needs none.
+# Weight of the error without free zeros: prefers, among corrections that differ by zeros alone, one that needs none.
 OF_ZEROS = 0.1
-# So little is left by the right reading of a column.
+# A correction of columns with at most this error needs no comparison with corrections that are simulated.
 CLEAR = 0.1
-# Error on a few samples, over the least or over what is allowed, of corrections that are tried on all of them.
+# Corrections are tried on all samples if their error on a few is within this factor of the least or the allowed one.
 NEARLY = 1.5
-# Of the largest input that the laws know, or that would turn a joint by a radian.
+# Of the largest input that the laws cover, or that would bend a joint by one radian.
 BEYOND = 3.0
-CLEARLY = 1.4  # the first of gravities is told unless another leaves so many times less
+CLEARLY = 1.4  # the first gravity is reported unless another one has an error smaller by this factor
 MOST_AT_ONCE = 3
 FEWEST = 8
-# Error over the noise from which payloads and clocks are asked about.
+# Payloads and clocks are examined from this ratio of error to noise.
 ABOVE_NOISE = 1.5
 
 
 def find_mistakes(predictor: Predictor) -> tuple[Mistake, ...]:
-    """Return what is probably written down wrongly in a recording or beside it; empty for one that is in order.
+    """Return the probable bookkeeping mistakes of a recording and its notes; empty without any.
 
-    Each finding is judged by the model at equilibrium on a small part of the samples, so that it costs a second or so.
-    Joints that the bench holds are not asked about.
+    Each finding is judged by the model at equilibrium on a small part of the samples, which takes about a second.
+    Recordings whose joints are held by the test rig are not examined.
     """
     if any(is_held(run.history) for run in predictor.measurement.runs):
         return ()
-    model = StaticModel.thinned(predictor)
+    model = StaticModel.downsampled(predictor)
     if model is None or min(np.isfinite(v).sum() for v in model.readings.values()) < FEWEST:
         return ()
     plain = model.predict()
     gross = _gross(model)
-    if gross:  # what rests on the same columns would only repeat it
+    if gross:  # findings that depend on the same columns would only repeat it
         return tuple(gross)
     if not all(np.isfinite(values).any() for values in plain.values()):
         return ()
     found: list[Mistake] = _loads(model, plain)
     above = _above_noise(model, plain, predictor.measurement)
     clocks = clock_mistakes(predictor) if above > ABOVE_NOISE else []
-    # by another clock the first samples are not at rest
+    # with another clock the first samples are not at rest
     rest = None if clocks else rest_pose(predictor)
     if rest is not None and (mistake := rest_mistake(rest, model, plain)) is not None:
         found.append(mistake)
@@ -78,7 +78,7 @@ def find_mistakes(predictor: Predictor) -> tuple[Mistake, ...]:
 
 
 def _above_noise(model: StaticModel, plain: ReadingsByName, measurement: Measurement) -> float:
-    """The error over the noise between neighbouring readings: what repeats do not share may be a wrong label."""
+    """Return the error over the noise between neighbouring readings: repeats may deviate by a wrong label."""
     floors = noise_floors(measurement, groups=())
     known = [name for name in model.readings if floors[name].value > 0.0]
     errors = [(model.readings[name] - plain[name]) / floors[name].value for name in known]
@@ -86,7 +86,7 @@ def _above_noise(model: StaticModel, plain: ReadingsByName, measurement: Measure
 
 
 def _gross(model: StaticModel) -> list[Mistake]:
-    """Units, signs, axes, chambers, gravity and base, one after another while each lowers the error by a lot."""
+    """Return mistakes of units, signs, axes, chambers, gravity and base, while each lowers the error a lot."""
     done: list[Correction] = []
     found: list[Mistake] = []
     for _ in range(MOST_AT_ONCE):
@@ -104,9 +104,9 @@ def _gross(model: StaticModel) -> list[Mistake]:
 def _best(
     model: StaticModel, done: Sequence[Correction], plain: ReadingsByName, free: float
 ) -> tuple[Correction, float, float] | None:
-    """The correction that leaves least beside a free zero of each output, and that error before and after it.
+    """Return the correction with the least error under a free zero of each output, and its error before and after.
 
-    All are tried on a few samples, and those that lead there on all of them.
+    All are tried on a few samples, and the best of them on all samples. None if no correction is good enough.
     """
     before = zeroed_error(applied_to(model.readings, done), plain)
     most = min(GOOD, LOWER * before, LOWER_THAN_GAIN * free)
@@ -115,14 +115,14 @@ def _best(
     every = [one for one in _corrections(model) if one.drive <= largest]
     lead: list[Correction] = []
     for simulated in (False, True):
-        errors = [(_error_of(short, [*done, one]), one) for one in every if one.simulated == simulated]
+        errors = [(_corrected_error(short, [*done, one]), one) for one in every if one.simulated == simulated]
         least = min((error for error, _ in errors), default=np.inf)
         lead += [one for error, one in errors if error <= NEARLY * min(least, most)]
-        if least <= CLEAR:  # another reading of the columns is enough: nothing need be solved again
+        if least <= CLEAR:  # another reading of the columns is enough: no equilibria need be solved
             break
     best, lowest = None, np.inf
     for one in lead:
-        error = _error_of(model, [*done, one])
+        error = _corrected_error(model, [*done, one])
         if error <= most and ABOUT * error < lowest:
             best, lowest = one, error
     if best is None:
@@ -143,20 +143,20 @@ def _corrections(model: StaticModel) -> Iterator[Correction]:
 
 
 def _largest_factor(model: StaticModel) -> float:
-    """The factor on the inputs beyond which they are no recording of this actuator."""
+    """Return the factor on the inputs beyond which they cannot be a recording of this actuator."""
     largest = max(float(np.abs(v).max(initial=0.0)) for h in model.histories for v in h.actuation.values())
     end = full_scale(model.predictor.chain)
     return BEYOND * end / largest if largest > 0.0 else np.inf
 
 
-def _error_of(model: StaticModel, corrections: Sequence[Correction]) -> float:
-    """What these corrections leave beside a free zero, and a little of what needs one."""
+def _corrected_error(model: StaticModel, corrections: Sequence[Correction]) -> float:
+    """Return the error of corrections with a free zero of each output, plus a small penalty for needing one."""
     readings, predicted = applied_to(model.readings, corrections), model.predict(corrections)
     return zeroed_error(readings, predicted) + OF_ZEROS * min(spread_error(readings, predicted), 1.0)
 
 
 def _gravity(model: StaticModel, plain: ReadingsByName) -> list[Mistake]:
-    """Another gravity, where it takes most of the error away that a gain and a zero of each output would leave."""
+    """Return another gravity if it removes most of the error that a gain and a zero of each output would leave."""
     before = spread_error(model.readings, plain)
     free = spread_error(model.readings, plain, fitted=gain_and_offset(model.readings, plain))
     tried = [
@@ -169,7 +169,7 @@ def _gravity(model: StaticModel, plain: ReadingsByName) -> list[Mistake]:
 
 
 def _loads(model: StaticModel, plain: ReadingsByName) -> list[Mistake]:
-    """Units and signs of loads, by the samples at which they act."""
+    """Return mistakes in units and signs of loads, judged by the samples at which they act."""
     found: dict[str, tuple[Correction, float, float]] = {}
     for one in load_corrections(model.measurement):
         acts = model.loaded(one.of_load)

@@ -1,4 +1,4 @@
-"""A mistake of the record as it is told, and a correction of it as it is tried."""
+"""Records of a bookkeeping mistake as reported, and of a correction as tried."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ReadingsByName = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Mistake:
-    """What is probably written down wrongly.
+    """A probable bookkeeping mistake.
 
     Attributes:
         kind: unit, sign, exchanged (columns), orientation (of the base or of the camera), gravity, payload, clock, or
@@ -24,8 +24,8 @@ class Mistake:
         where: columns of the file by their headings, or keys of the study.
         words: what was noticed, a sentence with numbers.
         remedy: what to write or to look at, a sentence.
-        error_before, error_after: root mean square error at equilibrium as a share of the spread of the readings, as
-            the record stands and with the correction; of the readings at rest for `rest_pose`, in noise floors.
+        error_before, error_after: root mean square error at equilibrium as a share of the spread of the readings,
+            without and with the correction; for `rest_pose` of the readings at rest, in noise floors.
     """
 
     kind: MistakeKind
@@ -37,21 +37,21 @@ class Mistake:
 
     @property
     def sentence(self) -> str:
-        """What was noticed and what to do, one after the other."""
+        """Return the finding followed by the remedy."""
         return f"{self.words} {self.remedy}"
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """Another reading of the record: what it would mean, and what would have to be written.
+    """An alternative meaning of the record: what it implies, and what would have to be written.
 
     Attributes:
         kind, where, words, remedy: as in `Mistake`; `words` without the numbers.
-        inputs: of a history as recorded, the corrected one; None where inputs stay.
-        readings: of the readings by name (N,), the corrected ones; None where they stay.
-        model: of the model, the corrected one; None where it stays.
-        drive: factor on every input that it means; 1 where it is about something else.
-        of_load: name of the load that it is about: only samples with that load can tell; empty for all samples.
+        inputs: maps a history as recorded to the corrected one; None where inputs stay.
+        readings: maps the readings by name (N,) to the corrected ones; None where they stay.
+        model: maps the model to the corrected one; None where it stays.
+        drive: factor on every input that it implies; 1 where it does not concern the inputs.
+        of_load: name of the load that it concerns: only samples with that load count; empty for all samples.
     """
 
     kind: MistakeKind
@@ -66,7 +66,7 @@ class Correction:
 
     @property
     def simulated(self) -> bool:
-        """Whether the model has to be solved again to judge it."""
+        """Return whether judging it requires solving the model again."""
         return self.inputs is not None or self.model is not None
 
 

@@ -1,4 +1,4 @@
-"""Gravity that was forgotten, switched on for a chain on a table, or turned; a base that is mounted turned."""
+"""Gravity that is missing, unwanted (a chain on a table) or rotated; a base that is mounted rotated."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from pliant.evidence.bookkeeping.mistake import Correction
 from pliant.formatting import number
 from pliant.interfaces.effect import Model
-from pliant.mechanics.rotations import quaternion_of_matrix
+from pliant.mechanics.rotations import quaternion_from_matrix
 from pliant.records.chain import GRAVITY_M_S2, ChainModel
 from pliant.records.design import Array
 
 STANDARD_M_S2 = abs(GRAVITY_M_S2[2])
-# Downward first: of equally good corrections the first one is told.
+# Downward first: of equally good corrections the first one is reported.
 DIRECTIONS = {
     "−z": (0.0, 0.0, -1.0),
     "+z": (0.0, 0.0, 1.0),
@@ -28,7 +28,7 @@ DIRECTIONS = {
 
 
 def gravity_corrections(chain: ChainModel) -> Iterator[Correction]:
-    """Yield other gravities: none, the one that was forgotten, or the same in another direction."""
+    """Yield other gravities: zero, the standard one if there was none, or the same magnitude in another direction."""
     gravity = np.asarray(chain.gravity_m_s2, float)
     size = float(np.linalg.norm(gravity))
     if size > 0.0:
@@ -66,7 +66,7 @@ def base_corrections(chain: ChainModel) -> Iterator[Correction]:
     for turn in sorted(turns, key=lambda turn: -float(np.trace(turn))):
         base = turn @ chain.base_rotation
         points = _direction(base[:, 0])
-        quaternion = ", ".join(number(float(q), 4) for q in quaternion_of_matrix(base))
+        quaternion = ", ".join(number(float(q), 4) for q in quaternion_from_matrix(base))
         words = (
             f"the base is turned: the chain points along {points} and bends toward {_direction(-base[:, 2])}"
         )
@@ -75,7 +75,7 @@ def base_corrections(chain: ChainModel) -> Iterator[Correction]:
 
 
 def _direction(vector: Array) -> str:
-    """A world axis, with its sign, or the numbers of what lies between them."""
+    """Return a signed world axis, or the components of a direction between the axes."""
     axis = int(np.argmax(np.abs(vector)))
     if abs(vector[axis]) > 1.0 - 1e-6:
         return f"{'−' if vector[axis] < 0.0 else '+'}{'xyz'[axis]}"

@@ -1,8 +1,8 @@
-"""Payloads that were written down wrongly: one mass for each run, by the model at equilibrium.
+"""Payloads with wrong labels: one mass for each run, estimated by the model at equilibrium.
 
-What physics may have wrong at the same time is fitted beside them: a tilt of the base, the size of the drive, the
-weight of everything (in statics also a stiffness, which is both of these), and the zero of every output. A label is
-named only where masses of their own explain clearly more than all of that.
+Other possible errors of the physics are fitted at the same time: a tilt of the base, the scale of the drive, the
+weight of everything (in statics a stiffness is equivalent to both), and the zero of every output. A label is reported
+only if free masses explain clearly more than all of these.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
 from pliant.records.history import History
 
-# Runs up to which each has a mass of its own; of more, runs with the same label share one.
+# Up to this number each run has a free mass; with more, runs with the same label share one.
 MOST_GROUPS = 8
-# Masses of their own must leave at most this share of the error that the rest of the fit leaves.
+# Free masses must leave at most this share of the error that remains after the rest of the fit.
 LOWER = 0.55
-# A mass differs from its label by so many standard errors, this share of it, and so much at least.
+# A mass differs from its label by at least this number of standard errors, this share of it, and this mass.
 SIGNIFICANT, SHARE, LEAST_KG = 3.0, 0.08, 3e-4
-# Neighbouring readings share their error: standard errors of a fit to independent ones are so much too small.
+# Neighbouring readings share their error: standard errors that assume independence are too small by this factor.
 INFLATION = 2.0
 ITERATIONS = 5
 SHARES = (1.0, 0.3, 0.1)  # of a step that are tried
@@ -39,7 +39,7 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class Hung:
-    """Runs that share a payload: their names, what is stated, and what the model says hung there, kg."""
+    """Runs that share a payload: their names, the stated mass and the mass by the model, kg."""
 
     runs: tuple[str, ...]
     stated_kg: float
@@ -48,18 +48,18 @@ class Hung:
 
     @property
     def differs(self) -> bool:
-        """Whether the mass is another one than the stated, beyond chance and beyond what matters."""
+        """Return whether the mass differs from the stated one significantly and by a relevant amount."""
         off = abs(self.mass_kg - self.stated_kg)
         return off > max(SIGNIFICANT * self.sd_kg, SHARE * self.stated_kg, LEAST_KG)
 
     @property
     def impossible(self) -> bool:
-        """Whether no such mass can hang there: the masses then stand in for something else."""
+        """Return whether the mass is negative beyond chance: the free masses then compensate for something else."""
         return self.mass_kg < -max(SIGNIFICANT * self.sd_kg, LEAST_KG)
 
 
 def payload_mistakes(model: StaticModel) -> list[Mistake]:
-    """Return the payloads that disagree with their labels, as one mistake; none where no run states a payload."""
+    """Return the payloads that disagree with their labels as one mistake; empty where no run states a payload."""
     groups = _groups(model.histories)
     chain = model.predictor.chain
     if not any(stated > 0.0 for _, stated in groups) or not np.any(chain.gravity_m_s2):
@@ -87,7 +87,7 @@ def payload_mistakes(model: StaticModel) -> list[Mistake]:
 
 
 class _Fit:
-    """Least squares of the readings by tilt, drive, weight, zeros and, where they are given, masses."""
+    """Least squares of the readings by tilt, drive, weight, zeros and, if given, masses."""
 
     def __init__(self, model: StaticModel, groups: Sequence[tuple[tuple[str, ...], float]]) -> None:
         self.model, self.groups = model, groups
@@ -98,11 +98,11 @@ class _Fit:
         self.steps = np.array([TILT_RAD, TILT_RAD, RELATIVE, RELATIVE])
 
     def solve(self, masses: Array, start: Array | None = None) -> tuple[Array, float, Array]:
-        """Parameters, root mean square error and standard errors, from Gauss and Newton's steps."""
+        """Return parameters, root mean square error and standard errors, by Gauss–Newton steps."""
         middle = np.concatenate([self.base, masses])
         x = np.concatenate([self.base if start is None else start[:4], masses])
         sizes = np.concatenate([self.sizes, np.maximum(masses, USUAL_KG)])
-        pull = np.diag(PULL / sizes)  # what the readings do not feel stays where it is
+        pull = np.diag(PULL / sizes)  # parameters to which the readings are insensitive stay at their start
 
         def cost(r: Array, at: Array) -> float:
             return float(r @ r + np.sum((pull @ (at - middle)) ** 2))
@@ -126,16 +126,19 @@ class _Fit:
         return x, float(np.sqrt(np.mean(best**2))), np.sqrt(np.diag(covariance))
 
     def _residual(self, x: Array) -> Array:
-        """(N,) read − predicted in spreads, the mean of each output taken off; a sample without equilibrium is far."""
+        """Return (N,) read − predicted in spreads, minus the mean of each output.
+
+        Samples without equilibrium count as `WITHOUT`.
+        """
         pitch, roll, drive, weight = x[:4]
         masses = x[4:] if len(x) > 4 else None
         inputs = partial(_hung, drive, weight, self.of_run, masses)
         tilt = exp_map(np.array([roll, pitch, 0.0]))
         one = Correction("payload", (), "", "", inputs=inputs, model=partial(_tilted, tilt, weight))
         predicted = self.model.predict([one])
-        return np.concatenate([self._of_output(name, predicted[name]) for name in self.model.readings])
+        return np.concatenate([self._output_error(name, predicted[name]) for name in self.model.readings])
 
-    def _of_output(self, name: str, predicted: Array) -> Array:
+    def _output_error(self, name: str, predicted: Array) -> Array:
         read = self.model.readings[name]
         there = np.isfinite(read)
         error = (read - predicted)[there] / self.scale[name]
@@ -162,7 +165,7 @@ def _tilted(tilt: Array, weight: float, model: Model) -> Model:
 def _hung(
     drive: float, weight: float, of_run: Mapping[str, int], masses: Array | None, history: History
 ) -> History:
-    """Loads share the factor of the weights: with the drive's they say a stiffness."""
+    """Return the history with scaled drive and loads; both factors together are equivalent to a stiffness."""
     history = history.with_(
         actuation={name: drive * values for name, values in history.actuation.items()},
         moment_n_m=weight * history.moment_n_m,
@@ -174,7 +177,7 @@ def _hung(
 
 
 def _groups(histories: Sequence[History]) -> list[tuple[tuple[str, ...], float]]:
-    """Runs with one constant payload each, (names, kg): each by itself where they are few, else by label."""
+    """Return runs with one constant payload each, (names, kg): one run per group if they are few, else by label."""
     stated = {
         history.run: float(history.payload_kg[0])
         for history in histories
@@ -189,7 +192,7 @@ def _groups(histories: Sequence[History]) -> list[tuple[tuple[str, ...], float]]
 
 
 def _merged(wrong: Sequence[Hung], hung: Sequence[Hung]) -> list[Hung]:
-    """Runs of one label taken together where all of them are wrong by the same."""
+    """Return the runs of one label merged if all of them are off by the same mass."""
     found: list[Hung] = []
     for stated in dict.fromkeys(one.stated_kg for one in wrong):
         mine = [one for one in wrong if one.stated_kg == stated]
@@ -227,7 +230,7 @@ def _which(one: Hung) -> str:
 
 
 def _common(wrong: Sequence[Hung]) -> str:
-    """That one factor, or one added mass, says it for all."""
+    """Return the clause that one factor, or one added mass, explains all of them; empty if none does."""
     labels = {one.stated_kg for one in wrong}
     loaded = [one for one in wrong if one.stated_kg > 0.0]
     if len(labels) < 2 or len(loaded) != len(wrong):
@@ -242,7 +245,7 @@ def _common(wrong: Sequence[Hung]) -> str:
 
 
 def _scales(readings: ReadingsByName) -> dict[str, float]:
-    """The spread of each kind of output, shared by its components."""
+    """Return the spread of each kind of output, shared by its components."""
     squares: dict[str, float] = {}
     for name, values in readings.items():
         kind = NUMBERED.sub("", name)

@@ -1,4 +1,4 @@
-"""The pose before anything is driven: what the recording reads there, what the model reads, and what would agree."""
+"""The pose before any input is driven: the readings, the model's prediction, and a correction that reconciles them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pliant.evidence.bookkeeping.mistake import Correction, Mistake, ReadingsByN
 from pliant.evidence.bookkeeping.orientation import gravity_corrections
 from pliant.evidence.bookkeeping.static_model import StaticModel, spread_error, zeroed_error
 from pliant.evidence.prediction import Predictor
-from pliant.formatting import listed, plural, unit_of
+from pliant.formatting import listed, output_unit, plural
 from pliant.interfaces.effect import Model
 from pliant.measurements.doubts import IDLE
 from pliant.measurements.floors import noise_floors
@@ -21,20 +21,20 @@ from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
 MOST_RUNS = 40
-# Readings at rest disagree when they are off by so many standard errors, by so many floors, and by so much of a range.
+# Readings at rest disagree if they are off by this number of standard errors, of floors, and this share of a range.
 SIGNIFICANT, FLOORS, OF_RANGE = 4.0, 1.5, 0.004
-# What no gravity explains is told from so many floors on, root mean square over outputs and conditions: stiffness and
-# friction move a loaded chain at rest, too.
+# A disagreement that no gravity explains is reported from this number of floors on (root mean square over outputs and
+# conditions): stiffness and friction also move a loaded chain at rest.
 UNEXPLAINED = 3.0
 # A correction explains the rest pose when it leaves at most this share of the disagreement.
 EXPLAINED, WELL_EXPLAINED = 0.35, 0.12
-AS_NOISE, PARTLY = 0.7, 0.6  # or it leaves no more than noise, and clearly less than before
-# It may leave the error over all readings larger than a free zero of each sensor does by this factor.
+AS_NOISE, PARTLY = 0.7, 0.6  # or its error is no more than noise, and clearly smaller than before
+# It may raise the error over all readings above that with a free zero of each sensor by at most this factor.
 AS_GOOD_AS_A_ZERO = 1.2
-# A disagreement is physics where weights by another factor leave at most this share of it.
+# A disagreement is physical if weights scaled by another factor leave at most this share of it.
 WEIGHT, BY_WEIGHT = 1.02, 0.6
 FACTORS = (0.8, 1.25)
-# Of several the first is told, unless another leaves clearly less.
+# Among several the first is reported unless another has a clearly smaller error.
 CLEARLY = 0.7
 ROUNDING = 1e-6
 MOST_NAMED = 3
@@ -42,7 +42,7 @@ MOST_NAMED = 3
 
 @dataclass(frozen=True, eq=False)
 class RestPose:
-    """What was read at rest and what the model says, run by run.
+    """The readings at rest and the model's predictions, run by run.
 
     Attributes:
         model: of the samples at rest, one for each run.
@@ -57,7 +57,7 @@ class RestPose:
     off: Mapping[str, Array]
 
     def left(self, predicted: ReadingsByName) -> float:
-        """Return the root mean square of read − predicted over the noise, like runs taken by their mean."""
+        """Return the root mean square of read − predicted over the noise, with runs under one condition averaged."""
         values = self.errors(predicted)
         return float(np.sqrt(np.mean(np.square(values)))) if values else np.inf
 
@@ -74,11 +74,14 @@ class RestPose:
 
 
 def rest_pose(predictor: Predictor) -> RestPose | None:
-    """Return the readings at rest where they disagree with the model's; None where they agree or nothing rests."""
+    """Return the readings at rest where they disagree with the model's.
+
+    None where they agree, where no run starts at rest, or where the disagreement is one of weight or stiffness.
+    """
     at_rest = _resting(predictor.measurement)
     if not at_rest.runs:
         return None
-    model = StaticModel.of(predictor, at_rest)
+    model = StaticModel.from_predictor(predictor, at_rest)
     if model is None:
         return None
     predicted = model.predict()
@@ -91,9 +94,9 @@ def rest_pose(predictor: Predictor) -> RestPose | None:
 
 
 def _weighs_otherwise(rest: RestPose) -> bool:
-    """Whether loads and weights by another factor, or a joint that is stiffer or softer by it, tell the disagreement.
+    """Return whether a common factor on loads and weights, or on a joint's stiffness, explains the disagreement.
 
-    That is what effects are asked about; to first order of the factor.
+    Such a factor is left to the effects. It is computed to first order.
     """
     more = Correction("rest_pose", (), "", "", inputs=_loaded, model=_heavier)
     slopes = {
@@ -121,12 +124,14 @@ def _loaded(history: History) -> History:
 
 
 def rest_mistake(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> Mistake | None:
-    """Return the rest pose as a mistake, with the gravity that would explain it; None where that is small and unknown.
+    """Return the rest pose as a mistake, with the gravity that would explain it.
+
+    None where the disagreement is small and unexplained.
 
     Args:
-        rest: what disagrees.
+        rest: the disagreement.
         whole: the model under samples of the whole recording.
-        plain: its predictions there as the record stands.
+        plain: its predictions there without a correction.
     """
     before, measurement = rest.left(rest.predicted), rest.model.measurement
     where = headings(measurement, tuple(rest.off))
@@ -147,16 +152,19 @@ def rest_mistake(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> M
 
 
 def _gravity(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> tuple[Correction, float] | None:
-    """The gravity with which the rest pose agrees and the whole recording is about as near as with a free zero."""
+    """Return the gravity that explains the rest pose, and the error left there.
+
+    Its error over the whole recording is at most slightly above that with a free zero; None without such a gravity.
+    """
     before = rest.left(rest.predicted)
     zeroed = zeroed_error(whole.readings, plain)
     found: tuple[Correction, float] | None = None
     several = len(rest.errors(rest.predicted)) > 1
     for number, correction in enumerate(gravity_corrections(rest.model.predictor.chain)):
-        if number and not several:  # one number can be told by some direction or other
+        if number and not several:  # a single number is matched by one direction or another
             break
         left = rest.left(rest.model.predict([correction]))
-        # the first is no gravity, or the one that was forgotten; any other direction has to fit better
+        # the first is zero gravity, or the standard one if there was none; any other direction has to fit better
         if (
             left > max((EXPLAINED if number == 0 else WELL_EXPLAINED) * before, AS_NOISE)
             or left > PARTLY * before
@@ -170,11 +178,14 @@ def _gravity(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> tuple
 
 
 def _pairs(rest: RestPose) -> str:
-    """``bend angle is read as 0.27°, the model says 0°`` of the outputs that disagree most, each where it does most."""
+    """Return ``bend angle is read as 0.27°, the model says 0°`` for the outputs with the largest disagreement.
+
+    Each is given at the condition where it disagrees most.
+    """
     order = sorted(rest.off, key=lambda name: -float(np.nanmax(np.abs(rest.off[name]))) / rest.scales[name])
     texts = []
     for name in order[:MOST_NAMED]:
-        words = unit_of(name)
+        words = output_unit(name)
         there = np.isfinite(rest.off[name])
         conditions = [np.array(places)[there[places]] for places in _conditions(rest.model.histories)]
         worst = max(filter(len, conditions), key=lambda places: abs(float(np.mean(rest.off[name][places]))))
@@ -185,7 +196,7 @@ def _pairs(rest: RestPose) -> str:
 
 
 def _disagreement(predictor: Predictor, rest: RestPose, name: str) -> Array | None:
-    """(R,) read − predicted of an output that is off at rest under some condition; None for one that agrees."""
+    """Return (R,) read − predicted of an output that is off at rest under some condition; None if it agrees."""
     error, scale = rest.model.readings[name] - rest.predicted[name], rest.scales[name]
     if not scale > 0.0:
         return None
@@ -197,7 +208,7 @@ def _disagreement(predictor: Predictor, rest: RestPose, name: str) -> Array | No
             continue
         mean, n = float(np.mean(values)), len(values)
         scatter = float(np.hypot(scale, np.std(values, ddof=1) if n > 1 else 0.0)) / np.sqrt(n)
-        first = float(values[0])  # of a virgin specimen: what a first loading changes for good is physics
+        first = float(values[0])  # on a virgin specimen: a permanent change by the first loading is physical
         large = abs(mean) > max(SIGNIFICANT * scatter, FLOORS * scale, OF_RANGE * span)
         if large and first * mean > 0.0 and abs(first) > 0.5 * abs(mean):
             return error
@@ -205,7 +216,7 @@ def _disagreement(predictor: Predictor, rest: RestPose, name: str) -> Array | No
 
 
 def _conditions(histories: Sequence[History]) -> list[list[int]]:
-    """Places of the samples that share their loads and the turn of their base."""
+    """Return the indices of samples that share their loads and the orientation of their base."""
     groups: dict[tuple[float, ...], list[int]] = {}
     for place, history in enumerate(histories):
         signals = history.signals()
@@ -215,7 +226,7 @@ def _conditions(histories: Sequence[History]) -> list[list[int]]:
 
 
 def _resting(measurement: Measurement) -> Measurement:
-    """One sample of each run that begins with every input idle: the mean of its readings until one moves."""
+    """Return one sample of each run that begins with all inputs idle: the mean of its readings until one moves."""
     highest: dict[str, float] = {}
     for run in measurement.runs:
         for name, values in run.history.actuation.items():
@@ -240,7 +251,7 @@ def _first(run: MeasuredRun, highest: Mapping[str, float]) -> MeasuredRun | None
 
 
 def _unchanged(run: MeasuredRun, count: int) -> int:
-    """How many of the first samples have the loads and the base of the first one."""
+    """Return how many of the first samples share the loads and the base of the first one."""
     signals: Sequence[Array] = [
         values
         for name, values in run.history.signals().items()

@@ -1,4 +1,4 @@
-"""The model at equilibrium under a small part of the samples, and how far it is from the readings there."""
+"""The model at equilibrium under a small part of the samples, and its error there."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from pliant.errors import ContractError, NotReachedError, UserError
 from pliant.evidence.bookkeeping.mistake import Correction, ReadingsByName
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import Model
-from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.physics import HistoryBackend, PhysicsBackend
 from pliant.records.design import Array
 from pliant.records.history import History, held
 from pliant.records.measurement import MeasuredRun, Measurement
 
 MOST_SAMPLES, OF_A_TRIAL = 160, 40
-# A gain within this range may be physics (a stiffness, a law that is off); only beyond it is a unit asked about.
+# A gain within this range may be physical (a stiffness, a law that is off); beyond it another unit is considered.
 GAINS = (0.65, 1.5)
-# Error that a sample without an equilibrium counts for, in units of the spread of the readings.
+# Error of a sample without an equilibrium, in units of the spread of the readings.
 WITHOUT = 2.0
 NUMBERED = re.compile(r"_\d+|_[xyz](?=_m$)")
 
 
 @dataclass(frozen=True, eq=False)
 class StaticModel:
-    """A predictor of single states and what was read there.
+    """A predictor of single states and the readings there.
 
     Attributes:
-        predictor: of the chosen samples, each a state of its own.
+        predictor: of the chosen samples, each a separate state.
         measurement: the chosen samples.
         readings: (N,) by output, all runs one after another.
-        histories: of the chosen samples, closed valves done.
+        histories: of the chosen samples, after closed valves are applied.
     """
 
     predictor: Predictor
@@ -43,9 +43,9 @@ class StaticModel:
     readings: ReadingsByName
 
     @staticmethod
-    def of(predictor: Predictor, measurement: Measurement) -> StaticModel | None:
+    def from_predictor(predictor: Predictor, measurement: Measurement) -> StaticModel | None:
         """Return the model under these samples; None where no installed engine finds its equilibria."""
-        engine = _engine_of_equilibria(predictor)
+        engine = _static_engine(predictor)
         if engine is None:
             return None
         still = replace(measurement, runs=tuple(map(_untimed, measurement.runs)))
@@ -53,7 +53,7 @@ class StaticModel:
         return StaticModel(model, still, _rows(still, model.outputs))
 
     @staticmethod
-    def thinned(predictor: Predictor, most: int = MOST_SAMPLES) -> StaticModel | None:
+    def downsampled(predictor: Predictor, most: int = MOST_SAMPLES) -> StaticModel | None:
         """Return the model under about `most` samples, spread evenly over all runs."""
         measurement = predictor.measurement
         stride = max(1, -(-sum(map(len, measurement.runs)) // most))
@@ -64,7 +64,7 @@ class StaticModel:
             offset += int(there.sum())
             if len(places):
                 runs.append(run.at(places))
-        return StaticModel.of(predictor, replace(measurement, runs=tuple(runs))) if runs else None
+        return StaticModel.from_predictor(predictor, replace(measurement, runs=tuple(runs))) if runs else None
 
     def predict(self, corrections: Sequence[Correction] = ()) -> ReadingsByName:
         """Return (N,) by output under the corrections of inputs and model; NaN where there is no equilibrium."""
@@ -95,7 +95,7 @@ class StaticModel:
 
     @property
     def histories(self) -> list[History]:
-        """Inputs of the chosen samples."""
+        """Return the inputs of the chosen samples."""
         return [run.history for run in self.measurement.runs]
 
     def loaded(self, name: str) -> NDArray[np.bool_]:
@@ -114,14 +114,7 @@ def spread_error(
     fitted: Mapping[str, tuple[float, float]] | None = None,
     worst: bool = False,
 ) -> float:
-    """Return the error as a share of the spread of the readings, root mean square over kinds of outputs.
-
-    Args:
-        readings, predicted: (N,) by output.
-        where: (N,) samples that count.
-        fitted: gain and offset of the prediction of each output, see `gain_and_offset`.
-        worst: return the largest of a kind instead.
-    """
+    """Return the error as a share of the spread of the readings, root mean square over kinds of outputs."""
     kinds: dict[str, list[str]] = {}
     for name in readings:
         kinds.setdefault(NUMBERED.sub("", name), []).append(name)
@@ -179,18 +172,18 @@ def _untimed(run: MeasuredRun) -> MeasuredRun:
     return replace(run, history=history)
 
 
-def _engine_of_equilibria(predictor: Predictor) -> PhysicsBackend | None:
-    """The predictor's engine, or another one that is installed where that one needs a clock."""
+def _static_engine(predictor: Predictor) -> PhysicsBackend | None:
+    """Return the predictor's engine, or another installed one if that one needs a clock; None without one."""
     if not predictor.backend.capabilities.dynamic:
         return predictor.backend
     if predictor.chain.mount is not None:
         return None
     bench = predictor.bench
-    for component in bench.registry.of("physics"):
+    for component in bench.registry.by_interface("physics"):
         with contextlib.suppress(ContractError):  # a broken engine is no reason to stop
             if component.missing() is None:
                 engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
-                can = engine.capabilities
-                if can.internal_states and not can.dynamic and predictor.chain.laws[0].joint in can.joints:
+                can, joint = engine.capabilities, predictor.chain.laws[0].joint
+                if isinstance(engine, HistoryBackend) and not can.dynamic and joint in can.joints:
                     return engine
     return None

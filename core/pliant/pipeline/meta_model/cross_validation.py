@@ -1,4 +1,4 @@
-"""What a meta-model misses on designs that it has not seen: each is left out once and predicted by the others."""
+"""Cross-validation of a meta-model: each design is left out once and predicted by the others."""
 
 from __future__ import annotations
 
@@ -31,33 +31,33 @@ from pliant.store.store import (
 )
 
 SEED = 0
-# Where there are at most so many designs in a part, each is a part of its own: leaving more out costs too much.
+# Up to this number of designs each is left out singly: leaving more out would cost too much accuracy.
 FEW = 2
 DIGESTS = "digests.json"
 PLACES = ("all", "interior", "border")
-STEPS = 12  # of the pressure between two free states
+STEPS = 12  # of the pressure range, between two free states
 NEWTON = 30
 MOST_LEVELS = 400  # of several actuations together, on a grid
-# Of the law's own size, where Newton is done; and the longest step, in the same unit as u (rad, or shares of the box).
+# Newton's tolerance relative to the law's size; and the longest step, in the unit of u (rad, or shares of the box).
 TOLERANCE = 1e-10
 LONGEST = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class LeftOutResiduals:
-    """What the laws of designs that were left out miss on all their trusted states.
+    """Residuals of the laws of left-out designs on all their trusted states.
 
     Attributes:
-        design: (m,) which design each state is of.
-        place: (m, 1 + a) p and u, of several actuations all of them, scaled to [−1, 1] on the box of the predicted law.
+        design: (m,) index of each state's design.
+        place: (m, 1 + a) p (all of several actuations) and u, scaled to [−1, 1] on the box of the predicted law.
         miss: (m, a) predicted minus true effort, N·m (N for a prismatic joint).
         tau: (m, a) the true effort.
         counts: (m, a) whether an axis' effort is scored: lateral axes only in states that move them.
         check: (m,) whether the state has the role "check".
         size: (n, a) the predicted law's range of effort, of `effort_size`.
-        doubt: (n,) what the model that had not seen a design says of it (`DesignLaws.doubt`).
+        doubt: (n,) uncertainty of each design by the model fitted without it (`DesignLaws.doubt`).
         free_design: (k,) design of each state of the free branch with p > 0.
-        free_miss, free_angle: (k,) predicted minus true main angle (NaN where the law has no equilibrium), and truth.
+        free_miss, free_angle: (k,) predicted minus true main angle (NaN if the law has no equilibrium), and true angle.
         wall_s: time of all fits.
     """
 
@@ -75,17 +75,19 @@ class LeftOutResiduals:
     wall_s: float
 
 
-def parts_of(designs: SolvedDesigns, folds: int, fewest: int, stated: bool = True) -> list[NDArray[np.int64]]:
-    """The designs in seeded parts, each to be left out in turn; one by one where there are few.
+def cross_validation_folds(
+    designs: SolvedDesigns, folds: int, fewest: int, stated: bool = True
+) -> list[NDArray[np.int64]]:
+    """Return seeded parts of the designs, each to be left out in turn; single designs if there are few.
 
     Args:
         designs: all of them.
-        folds: how many parts.
+        folds: number of parts.
         fewest: designs that a fit needs.
-        stated: whether the user chose `folds`; else fewer designs than folds are left out one by one.
+        stated: whether the user chose `folds`; otherwise fewer designs than folds are left out singly.
 
     Raises:
-        UserError: more parts than designs, or no design can be spared.
+        UserError: more parts than designs, or too few designs to leave one out.
     """
     n = len(designs)
     if stated and folds > n:
@@ -109,7 +111,7 @@ def misses_left_out(
     partial: Path,
     progress: Progress,
 ) -> LeftOutResiduals:
-    """Fit without each part and predict its designs; finished parts stay in `partial` for the next attempt."""
+    """Fit without each part and predict its designs; finished parts are kept in `partial` for the next attempt."""
     bar = progress.begin("designs left out", len(designs))
     found = []
     try:
@@ -128,7 +130,7 @@ def misses_left_out(
 
 
 def _part(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[np.int64]) -> dict[str, Any]:
-    """The misses of one part, saved; what is damaged is made anew."""
+    """Return the residuals of one part, from its file if it is intact, else computed and saved."""
     try:
         found: dict[str, Any] = read_checked(folder, json.loads((folder / DIGESTS).read_text()))
         return found
@@ -139,7 +141,7 @@ def _part(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[
     rest[part] = False
     laws = model.fit(designs.rows(rest)).laws
     doubt = np.asarray(laws.doubt(designs.values[part]), float)
-    rows = [_of_design(laws.law(designs.values[i]), designs, int(i)) for i in part]
+    rows = [_design_residuals(laws.law(designs.values[i]), designs, int(i)) for i in part]
     found = {"part": part, "doubt": doubt, "size": np.stack([row.pop("size") for row in rows])}
     found |= {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
     found["wall_s"] = time.perf_counter() - started
@@ -151,8 +153,8 @@ def _part(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[
     return found
 
 
-def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, Any]:
-    """Misses of the law of one design."""
+def _design_residuals(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, Any]:
+    """Return the residuals of the law of one design."""
     data = designs.data[index]
     keep, counts = scored_states(data)
     p, u, tau = data.actuation[keep], data.deformation[keep], data.tau[keep]
@@ -172,22 +174,22 @@ def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, A
 
 
 def scaled(box: Array, actuation: Array, deformation: Array) -> Array:
-    """(m, 1 + a) p and u, of several actuations all of them, scaled to [−1, 1] on a box."""
+    """Return (m, 1 + a) p (all of several actuations) and u, scaled to [−1, 1] on a box."""
     values = np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
     places: Array = (values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
     return places
 
 
 def effort_size(law: JointLaw) -> Array:
-    """(a,) range of each axis' effort over p and its own u on the law's box, the other axes at rest."""
+    """Return (a,) range of each axis' effort over p and its own u on the law's box, the other axes at rest."""
     places = axis_grids(law, 2, 3)
     return np.array([float(np.ptp(law.evaluate(p, u).tau[:, a])) for a, (p, u) in enumerate(places)])
 
 
 def axis_grids(law: JointLaw, n_p: int, n_u: int) -> list[tuple[Array, Array]]:
-    """For each axis, p (g,) and u (g, a) on a grid of the law's box over p and that axis, the other axes at rest.
+    """Return for each axis p (g,) and u (g, a) on a grid of the law's box over p and that axis, other axes at rest.
 
-    Of m actuations p is (g, m), and has fewer levels where they would be too many.
+    For m actuations p is (g, m), with fewer levels if the grid would be too large.
     """
     box, m, found = law.domain.box, len(law.actuations), []
     n_p = min(n_p, max(2, int(MOST_LEVELS ** (1 / m))))
@@ -202,9 +204,9 @@ def axis_grids(law: JointLaw, n_p: int, n_u: int) -> list[tuple[Array, Array]]:
 
 
 def free_misses(law: JointLaw, data: ModuleData) -> tuple[Array, Array]:
-    """Main deformation on the law's free branch minus that of the free trusted states with p > 0, and the latter.
+    """Return the free branch's main deformation minus that of trusted free states with p > 0, and the latter.
 
-    NaN where the law has no equilibrium on the branch that starts at rest.
+    NaN if the law has no equilibrium on the branch from rest.
     """
     main = data.axes.index(data.main_axis)
     driven = np.any(data.actuation.reshape(len(data), -1) > 0, axis=1)
@@ -218,9 +220,9 @@ def free_misses(law: JointLaw, data: ModuleData) -> tuple[Array, Array]:
 
 
 def free_branch(law: JointLaw, actuation: Array) -> Array:
-    """(n, a) equilibria without load at ascending actuations (n,), followed from rest; NaN from where there is none.
+    """Return (n, a) equilibria without load at ascending actuations (n,), continued from rest; NaN beyond the last.
 
-    Several actuations (n, m) have no order: each state is followed from rest by itself.
+    Several actuations (n, m) have no order: each state is continued from rest separately.
     """
     m, found = len(law.actuations), np.full((len(actuation), len(law.axes)), np.nan)
     rest = np.zeros(m), np.zeros(len(law.axes))
@@ -238,7 +240,7 @@ def free_branch(law: JointLaw, actuation: Array) -> Array:
 
 
 def _followed(law: JointLaw, before: Array, target: Array, u: Array) -> Array | None:
-    """The equilibrium at `target` (m,), followed in steps from u, that at `before`; None where there is none."""
+    """Return the equilibrium at `target` (m,), continued in steps from u at `before`; None without one."""
     reach = LONGEST * np.ptp(law.domain.deformation, axis=1)
     for levels in np.linspace(before, target, STEPS + 1)[1:]:
         reached = _newton(law, levels if len(levels) == 1 else levels[None], u, reach)
@@ -249,7 +251,7 @@ def _followed(law: JointLaw, before: Array, target: Array, u: Array) -> Array | 
 
 
 def _newton(law: JointLaw, at: Array, start: Array, reach: Array) -> Array | None:
-    """The stable equilibrium near `start` at one actuation (1,) or several (1, m), or None."""
+    """Return the stable equilibrium near `start` at one actuation (1,) or several (1, m), or None."""
     u = start.copy()
     for _ in range(NEWTON):
         effort = law.evaluate(at, u[None])
@@ -269,11 +271,11 @@ def _newton(law: JointLaw, at: Array, start: Array, reach: Array) -> Array | Non
 
 @dataclass(frozen=True)
 class AxisScores:
-    """Errors of one axis' effort on states of designs left out.
+    """Errors of one axis' effort on states of left-out designs.
 
     Attributes:
-        n_states: how many.
-        r2: over all states together.
+        n_states: number of states.
+        r2: over all states.
         rmse, worst: in the effort's unit.
         rmse_of_range, worst_of_range: as shares of each design's own range of effort (`worst` over all states).
     """
@@ -288,15 +290,15 @@ class AxisScores:
 
 @dataclass(frozen=True)
 class Scores:
-    """Errors on designs left out, of one group of designs.
+    """Errors on the left-out designs of one group.
 
     Attributes:
         place: all, interior or border of the range of designs.
         n_designs: in the group.
         axes: axis → errors of its effort.
         free_median, free_worst: errors of the free angle, as shares of the design's largest free angle.
-        free_states, free_lost: states of the free branch, and those where the law has no equilibrium (worst = ∞).
-        check_worst_of_range: worst share on states of role "check" alone, over all axes.
+        free_states, free_lost: states of the free branch, and those in which the law has no equilibrium (worst = ∞).
+        check_worst_of_range: worst share on states of role "check" only, over all axes.
     """
 
     place: str
@@ -308,39 +310,39 @@ class Scores:
     free_lost: int
     check_worst_of_range: float
 
-    def _of_worst_axis(self, name: str, worst: Callable[..., float] = max) -> float:
+    def _worst_axis_value(self, name: str, worst: Callable[..., float] = max) -> float:
         return worst((getattr(one, name) for one in self.axes.values()), default=np.nan)
 
     @property
     def r2(self) -> float:
-        """Of the worst axis."""
-        return self._of_worst_axis("r2", min)
+        """R² of the worst axis."""
+        return self._worst_axis_value("r2", min)
 
     @property
     def worst_of_range(self) -> float:
-        """Of the worst axis."""
-        return self._of_worst_axis("worst_of_range")
+        """`worst_of_range` of the worst axis."""
+        return self._worst_axis_value("worst_of_range")
 
     @property
     def rmse_of_range(self) -> float:
-        """Of the worst axis."""
-        return self._of_worst_axis("rmse_of_range")
+        """`rmse_of_range` of the worst axis."""
+        return self._worst_axis_value("rmse_of_range")
 
     def as_values(self) -> dict[str, Any]:
-        """The scores as JSON values."""
+        """Return the scores as JSON values."""
         summary = {name: getattr(self, name) for name in ("r2", "worst_of_range", "rmse_of_range")}
         return {**vars(self), **summary, "axes": {axis: dict(vars(one)) for axis, one in self.axes.items()}}
 
     @staticmethod
-    def of_values(values: Mapping[str, Any]) -> Scores:
-        """The scores that `as_values` gave."""
+    def from_values(values: Mapping[str, Any]) -> Scores:
+        """Return the scores from the output of `as_values`."""
         axes = {axis: AxisScores(**one) for axis, one in values["axes"].items()}
         names = set(Scores.__dataclass_fields__) - {"axes"}
         return Scores(axes=axes, **{name: values[name] for name in names})
 
 
-def scores_of(designs: SolvedDesigns, misses: LeftOutResiduals) -> dict[str, Scores]:
-    """Scores of all designs, of those inside the range and of those on its border; empty groups are left out."""
+def scores_by_place(designs: SolvedDesigns, misses: LeftOutResiduals) -> dict[str, Scores]:
+    """Return the scores of all designs, of those inside the range and of those on its border; no empty groups."""
     border = designs.corners()
     groups = {"all": np.ones(len(designs), bool), "interior": ~border, "border": border}
     return {place: _scores(place, designs, misses, groups[place]) for place in PLACES if groups[place].any()}
@@ -382,7 +384,7 @@ def _scores(place: str, designs: SolvedDesigns, misses: LeftOutResiduals, group:
 
 
 def shares(misses: LeftOutResiduals) -> Array:
-    """(m, a) misses as shares of the range that the true effort of that design and axis has over its states."""
+    """Return (m, a) residuals as shares of the range of the true effort of that design and axis."""
     ranges: Array = np.full_like(misses.size, np.nan)
     for design in np.unique(misses.design):
         rows = misses.design == design

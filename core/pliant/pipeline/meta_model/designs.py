@@ -1,4 +1,4 @@
-"""What a meta-model is fitted to: the designs of the study's sweep, or those of a sweep's table, and their parameters.
+"""Designs that a meta-model is fitted to, of the study's sweep or of a sweep's table, and their parameters.
 
 Parameters are those of the family, and constants of the material as `material.…`.
 """
@@ -14,37 +14,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.config.designs import sweep_designs
+from pliant.config.designs import MATERIAL, material_parameters, sweep_designs
 from pliant.config.study import Study, written_name
 from pliant.errors import UserError, closest
+from pliant.fem_tables.reading import read_labelled_designs
 from pliant.formatting import quantity
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.meta_model import MetaModel, enough_to_score
 from pliant.pipeline.sweep import SweepRun, sweep_study
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import Parameter, SolvedDesigns
-from pliant.tabular.fem_reading import read_labelled_designs
 from pliant.units import si_unit, strip_unit_suffix
 
-# Of the width of the range: a design on its border is inside, however its table was rounded.
+# Of the width of the range: a design on its border is inside despite the rounding of its table.
 ROUNDING = 1e-7
-MATERIAL = "material."
-# Density changes no law.
-NO_PART_IN_THE_LAW = ("kind", "density_kg_m3")
+# Relative to the values of a fixed parameter.
+SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class SourcedDesigns:
-    """Solved designs and where they came from.
+    """Solved designs and their source.
 
     Attributes:
-        designs: what is fitted.
-        inputs: name → key of the FEM artifacts, or digest of the table: what the meta-model's artifact is keyed by.
+        designs: to be fitted.
+        inputs: name → key of the FEM artifacts, or digest of the table, for the key of the meta-model's artifact.
         source: in words, for people.
-        left_out: designs of the sweep without data, and doubles that say the same.
+        left_out: designs of the sweep without data, and duplicates.
     """
 
     designs: SolvedDesigns
@@ -53,33 +52,39 @@ class SourcedDesigns:
     left_out: int = 0
 
 
-def parameters_of(family: FamilyConfig, material: MaterialConfig | None = None) -> dict[str, Any]:
-    """Parameters of a design on which a law depends, SI; constants of the material are named `material.…`."""
+def design_parameters(family: FamilyConfig, material: MaterialConfig | None = None) -> dict[str, Any]:
+    """Return the parameters of a design on which a law depends, SI; constants of the material as `material.…`."""
     own = {name: value for name, value in family.canonical().items() if name != "kind"}
-    if material is None:
-        return own
-    constants = {
-        f"{MATERIAL}{name}": value
-        for name, value in material.canonical().items()
-        if name not in NO_PART_IN_THE_LAW and value is not None
-    }
-    return {**own, f"{MATERIAL}kind": material.kind, **constants}
+    return own if material is None else {**own, **material_parameters(material)}
 
 
 def is_number(value: Any) -> bool:
-    """Whether a parameter is a finite number."""
+    """Return whether a parameter is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
+def same_value(one: Any, other: Any) -> bool:
+    """Return whether two values of a parameter are equal up to the rounding of tables."""
+    if is_number(one) and is_number(other):
+        return bool(np.isclose(float(one), float(other), rtol=SAME, atol=0.0))
+    return bool(one == other)
+
+
+def study_key(name: str, family: FamilyConfig, material: MaterialConfig | None) -> str:
+    """Return the key of a parameter in a study: `family.average_radius`, `material.shear_modulus`."""
+    field, model = name.removeprefix(MATERIAL), type(material if name.startswith(MATERIAL) else family)
+    return f"{'material' if name.startswith(MATERIAL) else 'family'}.{written_name(model, field)}"  # type: ignore[arg-type]
+
+
 def trusted(data: ModuleData) -> NDArray[np.bool_]:
-    """(n,) whether nothing overlaps in a state, or what overlaps is let pass."""
+    """Return (n,) whether a state has no overlap, or its overlap is allowed."""
     return np.isin(data.status, TRUSTED)
 
 
 def scored_states(data: ModuleData) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Trusted states (n,), and for these (m, k) whether the effort about each axis counts in a law's scores.
+    """Return trusted states (n,), and for these (m, k) whether the effort about each axis is scored.
 
-    Of lateral axes only states count that move them: where one is explored, or all axes are held.
+    A lateral axis is scored only in states that move it: those that explore it, or prescribe all axes.
     """
     keep = trusted(data)
     counts = np.isfinite(data.tau[keep])
@@ -89,7 +94,7 @@ def scored_states(data: ModuleData) -> tuple[NDArray[np.bool_], NDArray[np.bool_
     return keep, counts
 
 
-def values_of(
+def design_values(
     names: Sequence[str],
     box: Array,
     fixed: Mapping[str, Parameter],
@@ -97,25 +102,19 @@ def values_of(
     material: MaterialConfig | None,
     extrapolate: bool,
 ) -> Array:
-    """(d,) values of one design for a meta-model.
+    """Return (d,) values of one design for a meta-model.
 
     Args:
         names: its parameters.
         box: (d, 2) their range.
-        fixed: what all solved designs share.
+        fixed: parameters that all solved designs share.
         family, material: of the design.
-        extrapolate: whether it may lie outside.
+        extrapolate: whether the design may be outside the range.
 
     Raises:
-        UserError: the design lacks a parameter, lies outside the range, or differs in a fixed one.
+        UserError: the design lacks a parameter, is outside the range, or differs in a fixed parameter.
     """
-    known = parameters_of(family, material)
-
-    def key(name: str) -> str:
-        """A parameter as the study writes it: `family.average_radius`."""
-        of_material = name.startswith(MATERIAL)
-        field, model = name.removeprefix(MATERIAL), type(material if of_material else family)
-        return f"{'material' if of_material else 'family'}.{written_name(model, field)}"  # type: ignore[arg-type]
+    known = design_parameters(family, material)
 
     for name in names:
         if not is_number(known.get(name)):
@@ -127,20 +126,18 @@ def values_of(
             )
     for name, value in fixed.items():
         own = known.get(name, value)
-        numbers = is_number(own) and is_number(value)
-        same = np.isclose(float(own), float(value), rtol=1e-6, atol=0.0) if numbers else own == value
-        if not same:
+        if not same_value(own, value):
             bare = name.removeprefix("family.").removeprefix(MATERIAL)
             raise UserError(
-                f"{key(name)} is {shown(name, own)}, and all solved designs of the meta-model have "
-                f"{shown(name, value)}; use that, or sweep '{bare}' too."
+                f"{study_key(name, family, material)} is {shown(name, own)}, and all solved designs of the meta-model "
+                f"have {shown(name, value)}; use that, or sweep '{bare}' too."
             )
     values = np.array([float(known[name]) for name in names])
     for name, one, (low, high) in zip(names, values, box, strict=True) if not extrapolate else ():
         slack = ROUNDING * (high - low)
         if not low - slack <= one <= high + slack:
             raise UserError(
-                f"{key(name)} is {shown(name, one)}, outside the meta-model's range "
+                f"{study_key(name, family, material)} is {shown(name, one)}, outside the meta-model's range "
                 f"{shown(name, low)} to {shown(name, high)}; solve designs there, or set "
                 "meta_model.extrapolate: true to use the law all the same."
             )
@@ -148,22 +145,22 @@ def values_of(
 
 
 def shown(name: str, value: Any) -> str:
-    """A value with its unit, as people write it: 7.5 mm."""
+    """Return a value with its display unit: 7.5 mm."""
     return quantity(value, si_unit(name), 6) if is_number(value) else str(value)
 
 
 def spoken(parameters: Mapping[str, Any]) -> str:
-    """Parameters in words: average radius 7.5 mm, wall 1.5 mm."""
+    """Return parameters as text: average radius 7.5 mm, wall 1.5 mm."""
     bare = {name: strip_unit_suffix(name).replace("_", " ") for name in parameters}
     return ", ".join(f"{bare[name]} {shown(name, value)}" for name, value in parameters.items())
 
 
-def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
-    """The designs of `meta_model.data`, else those of the study's sweep, which are solved first.
+def solved_designs(bench: RunContext, study: Study) -> SourcedDesigns:
+    """Return the designs of `meta_model.data`, else those of the study's sweep after solving them.
 
     Raises:
-        UserError: no designs at all, several actuations where the kind has one, or designs that do not belong
-            together; see `assembled`.
+        UserError: no designs, several actuations for a kind of one, or designs that do not belong together; see
+            `assembled`.
     """
     config = study.need("meta_model", "a meta-model")
     family: FamilyConfig = study.need("family", "a meta-model")
@@ -174,7 +171,7 @@ def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
         found = from_table(config.data, family.kind)
     elif study.sweep is not None:
         planned = sweep_designs(study)
-        # before hours of FEM: not all of them may be possible, but there will not be more
+        # before hours of FEM: an upper bound, since some designs may be impossible
         swept = planned[0].changes
         varied = [n for n in swept if len({repr(design.changes[n]) for design in planned}) > 1]
         enough_to_score(len(planned), varied, model.fewest)
@@ -189,10 +186,10 @@ def solved_designs(bench: Workbench, study: Study) -> SourcedDesigns:
 
 
 def from_sweep(run: SweepRun) -> SourcedDesigns:
-    """The designs of a sweep that have data.
+    """Return the designs of a sweep that have data.
 
     Raises:
-        UserError: as `assembled`, and where none has data.
+        UserError: as `assembled`, or if no design has data.
     """
     done = run.done()
     total = f"{len(run.outcomes)} design{'s' * (len(run.outcomes) > 1)}"
@@ -200,7 +197,7 @@ def from_sweep(run: SweepRun) -> SourcedDesigns:
         cause = next((outcome.cause for outcome in run.outcomes if outcome.cause), "")
         raise UserError(f"none of the sweep's {total} could be solved, so there is nothing to fit: {cause}")
     planned = [outcome.design for outcome in done]
-    constants = [parameters_of(design.family, design.material) for design in planned]
+    constants = [design_parameters(design.family, design.material) for design in planned]
     labels = [f"design {design.number}" for design in planned]
     data, swept = [outcome.data() for outcome in done], list(planned[0].changes)
     designs, doubles = assembled(planned[0].family.kind, constants, data, labels, "the sweep", swept)
@@ -210,7 +207,7 @@ def from_sweep(run: SweepRun) -> SourcedDesigns:
 
 
 def from_table(path: Path, family: str) -> SourcedDesigns:
-    """The designs of a sweep's table, which holds no name of a family: the study's says what its parameters are.
+    """Return the designs of a sweep's table; it names no family, so its parameters are those of the study's family.
 
     Raises:
         UserError: as `assembled`, and for a table that cannot be read.
@@ -231,19 +228,19 @@ def assembled(
     place: str,
     swept: Sequence[str] = (),
 ) -> tuple[SolvedDesigns, int]:
-    """Designs with all their parameters as one set, and how many doubles were dropped.
+    """Return the designs with all their parameters as one set, and the number of dropped duplicates.
 
     Args:
         family: kind of the family.
         constants: all parameters of each design.
         data: of each.
-        labels: how messages name each design.
-        place: how messages name where they come from.
+        labels: name of each design in messages.
+        place: name of their source in messages.
         swept: parameters that are known to vary; their values must be numbers.
 
     Raises:
-        UserError: no parameter varies or one is no number; designs of different joints, axes or actuation; a design
-            twice with different data.
+        UserError: no parameter varies or one is not a number; designs of different joints, axes or actuation; a
+            duplicate design with different data.
     """
     _one_joint(data, labels, place)
     every = list(dict.fromkeys(name for one in constants for name in one))
@@ -279,7 +276,7 @@ def assembled(
 
 
 def _one_joint(data: Sequence[ModuleData], labels: Sequence[str], place: str) -> None:
-    """All designs have the same joint, axes and actuation, and states that can be fitted."""
+    """Check that all designs have the same joint, axes and actuation, and states that can be fitted."""
     for label, one in zip(labels, data, strict=True):
         for word, what in (("joint", "joint"), ("axes", "axes"), ("actuation_name", "actuation")):
             pair = getattr(one, word), getattr(data[0], word)
@@ -296,7 +293,7 @@ def _one_joint(data: Sequence[ModuleData], labels: Sequence[str], place: str) ->
 
 
 def _varies(values: Sequence[Any]) -> bool:
-    """Whether a parameter differs between designs by more than the rounding of a table."""
+    """Return whether a parameter differs between designs by more than the rounding of a table."""
     if all(is_number(value) for value in values):
         numbers = np.array(values, float)
         return bool(np.ptp(numbers) > ROUNDING * np.abs(numbers).max())
@@ -304,7 +301,7 @@ def _varies(values: Sequence[Any]) -> bool:
 
 
 def _same_states(one: ModuleData, other: ModuleData) -> bool:
-    """Whether two designs have the same states: same count, p and u, and efforts to 1 % of their range."""
+    """Return whether two designs have the same states: count, p and u, and efforts to 1 % of their range."""
     return bool(
         len(one) == len(other)
         and np.allclose(one.actuation, other.actuation)
@@ -314,10 +311,10 @@ def _same_states(one: ModuleData, other: ModuleData) -> bool:
 
 
 def _one_family(
-    bench: Workbench, family: FamilyConfig, material: MaterialConfig | None, found: SourcedDesigns
+    bench: RunContext, family: FamilyConfig, material: MaterialConfig | None, found: SourcedDesigns
 ) -> None:
-    """The designs are of the study's family: their parameters are its own, joint, axes and actuation too."""
-    known = list(parameters_of(family, material))
+    """Check that the designs match the study's family in parameters, joint, axes and actuation."""
+    known = list(design_parameters(family, material))
     for name in found.designs.names:
         if name not in known and not name.startswith(MATERIAL):
             raise UserError(

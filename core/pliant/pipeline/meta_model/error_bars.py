@@ -1,14 +1,14 @@
-"""Error bars for laws of designs that nobody solved, from designs that were left out.
+"""Error bars for laws of unsolved designs, from left-out designs.
 
-States of one design are off together, so designs, not states, are what repeats. A state's miss e (as a share of the
-law's range of effort) is scaled by a size for its design and one for its place x = (p, u),
+The errors of one design's states are correlated, so designs, not states, are the independent samples. A state's
+residual e (as a share of the law's range of effort) is scaled by a size for its design and one for x = (p, u),
 
     σ_i² = d_i^2γ ( Σ_j k(v_i − v_j) M_j² / d_j^2γ / Σ_j k(v_i − v_j) + floor ),    s(x)² as in `ErrorBar`, of e / σ,
 
-with M_j the RMS miss of design j at parameters v_j, d_j the model's doubt, γ from `POWERS` by which is closest, and
-each design left out of its own sizes. A level's quantile of the scores |e| / (σ s) counts each design alike, and one
-more design that may be anything: the band holds a state of a new design with at least that probability, where new
-designs are as those left out (Dunn, Wasserman, Ramdas, J. Am. Stat. Assoc. 118, 2023; Lee, Barber, Willett,
+with M_j the RMS residual of design j at parameters v_j, d_j the model's doubt, γ the closest of `POWERS`, and each
+design excluded from the estimate of its sizes. A level's quantile of the scores |e| / (σ s) weights all designs equally
+and adds one design of infinite score: the band covers a state of a new design with at least that probability, if new
+and left-out designs are exchangeable (Dunn, Wasserman, Ramdas, J. Am. Stat. Assoc. 118, 2023; Lee, Barber, Willett,
 arXiv:2306.06342).
 """
 
@@ -28,11 +28,11 @@ from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns
 
 LEVELS = (0.5, 0.9, 0.99)
-# How far the model's doubt is followed; 0 is not at all.
+# Exponents of the model's doubt; 0 ignores it.
 POWERS = (0.0, 0.5, 1.0)
-# Levels that a bar resolves, evenly from 0 to 1.
+# Number of levels that a bar resolves, evenly from 0 to 1.
 RESOLVED = 999
-# States that the kernel keeps, and designs on which the bars are checked: for sweeps of thousands.
+# Limits for sweeps of thousands: states in the kernel, and designs on which the bars are checked.
 MOST_STATES = 3000
 MOST_CHECKED = 200
 TINY = 1e-300
@@ -40,15 +40,15 @@ TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """Misses of n designs left out, with m states on a axes, ready to make the bar of any design's law.
+    """Residuals of n left-out designs with m states on a axes, from which the bar of any design's law is made.
 
     Attributes:
         low, width: (d,) of the range of designs.
         values: (n, d) designs, scaled to [0, 1].
-        doubt: (n,) the model's, of each design without having seen it.
+        doubt: (n,) of each design by the model fitted without it.
         design: (m,) of each state.
-        place: (m, 1 + a) p and u, of several actuations all of them, scaled to [−1, 1] on the law's box.
-        share: (m, a) |miss| as a share of the law's range of effort; NaN where an axis is not scored.
+        place: (m, 1 + a) p (all of several actuations) and u, scaled to [−1, 1] on the law's box.
+        share: (m, a) |residual| as a share of the law's range of effort; NaN where an axis is not scored.
     """
 
     low: Array
@@ -60,8 +60,8 @@ class Bars:
     share: Array
 
     @staticmethod
-    def of(designs: SolvedDesigns, misses: LeftOutResiduals) -> Bars:
-        """The bars of a meta-model's misses."""
+    def from_residuals(designs: SolvedDesigns, misses: LeftOutResiduals) -> Bars:
+        """Return the bars of a meta-model's residuals."""
         low, width = designs.box[:, 0], designs.scale
         keep = _chosen(misses.design, len(designs))
         share = np.abs(misses.miss) / misses.size[misses.design]
@@ -78,7 +78,7 @@ class Bars:
         )
 
     def bar(self, law: JointLaw, values: Array, doubt: float) -> ErrorBar:
-        """The error bar of one design's law: values (d,) and the model's doubt of them."""
+        """Return the error bar of one design's law: values (d,) and the model's doubt of them."""
         size, at = effort_size(law), ((np.asarray(values, float) - self.low) / self.width)[None]
         everyone = np.ones(len(self.values), bool)
         misses = np.empty_like(self.share)
@@ -90,11 +90,11 @@ class Bars:
 
     @cached_property
     def _axes(self) -> tuple[_Axis, ...]:
-        return tuple(_Axis.of(self, a) for a in range(self.share.shape[1]))
+        return tuple(_Axis.from_bars(self, a) for a in range(self.share.shape[1]))
 
     @cached_property
     def _learnt(self) -> tuple[_Learnt, ...]:
-        """What the bar of any design takes of each axis."""
+        """Quantities of each axis for the bar of any design."""
         everyone = np.ones(len(self.values), bool)
         levels = np.arange(1, RESOLVED + 1) / (RESOLVED + 1)
         found = []
@@ -108,19 +108,19 @@ class Bars:
 
     @property
     def weights(self) -> Array:
-        """(m,) each design counts alike."""
+        """(m,) weights of states such that all designs have equal weight."""
         counts = np.bincount(self.design, minlength=len(self.values))
         found: Array = 1.0 / counts[self.design]
         return found
 
     def coverage(self, border: NDArray[np.bool_]) -> dict[str, dict[str, float]]:
-        """How much of the left-out designs' states lies in bars made from the other designs only.
+        """Return the share of the left-out designs' states inside bars made only from the other designs.
 
         Args:
             border: (n,) designs on the border of the range.
 
         Returns:
-            place (all, interior, border) → level → share, each design and axis counting alike.
+            place (all, interior, border) → level → share, with equal weight for each design and axis.
         """
         n = len(self.values)
         checked = np.sort(np.random.default_rng(0).permutation(n)[:MOST_CHECKED])
@@ -139,7 +139,7 @@ class Bars:
 
 @dataclass(frozen=True, eq=False)
 class _Learnt:
-    """Of one axis: how far doubts are followed, the states' misses over σ (m,), quantiles of the scores."""
+    """Fit of one axis: exponent of the doubt, the states' residuals over σ (m,), quantiles of the scores."""
 
     power: float
     misses: Array
@@ -148,7 +148,7 @@ class _Learnt:
 
 @dataclass(frozen=True, eq=False)
 class _Axis:
-    """One axis: sums over the kernels by design, so that any design can be left out of them.
+    """Kernel sums of one axis by design, so that any design can be left out of them.
 
     Attributes:
         square: (n,) mean square share of each design; NaN where the axis is not scored.
@@ -157,7 +157,7 @@ class _Axis:
         share: (m,) of all states; NaN where not scored.
         part, mass: (m, n) kernel sums at each state over the states of each design: of squared shares, of weights.
         blank: (m, n) the part of `mass` of states that are not scored.
-        grown: (m,) how much wider a bar is at the state's place for being outside the box.
+        grown: (m,) factor by which a bar is wider because the state is outside the box.
     """
 
     bars: Bars
@@ -171,7 +171,7 @@ class _Axis:
     grown: Array
 
     @staticmethod
-    def of(bars: Bars, a: int) -> _Axis:
+    def from_bars(bars: Bars, a: int) -> _Axis:
         share = bars.share[:, a]
         scored = np.isfinite(share)
         n = len(bars.values)
@@ -195,7 +195,7 @@ class _Axis:
         )
 
     def power(self, among: NDArray[np.bool_]) -> float:
-        """How far the model's doubt is followed: so that misses over sizes vary least between designs."""
+        """Return the exponent of the doubt that minimises the variation of residuals over sizes between designs."""
         known = among & (self.square > 0)
         if known.sum() < 4 or np.ptp(self.bars.doubt[known]) <= 1e-9 * self.bars.doubt[known].max():
             return 0.0
@@ -206,13 +206,13 @@ class _Axis:
         return POWERS[int(np.argmin(spreads))]
 
     def sizes(self, power: float, among: NDArray[np.bool_]) -> Array:
-        """(n,) σ of every design from the designs `among`, itself left out."""
+        """Return (n,) σ of every design from the designs `among`, with the design itself left out."""
         near = self.near.copy()
         np.fill_diagonal(near, 0.0)
         return self._sizes(near, power, among, self.bars.doubt)
 
     def sizes_at(self, power: float, among: NDArray[np.bool_], values: Array, doubt: Array) -> Array:
-        """(k,) σ of further designs, scaled values (k, d)."""
+        """Return (k,) σ of further designs, scaled values (k, d)."""
         near = _kernel(values, self.bars.values)
         return self._sizes(near, power, among, doubt)
 
@@ -226,12 +226,12 @@ class _Axis:
         return sizes
 
     def _mean(self, sizes: Array, among: NDArray[np.bool_]) -> float:
-        """Mean of squared share / σ², each design counting alike."""
+        """Return the mean of squared share / σ², with equal weight for each design."""
         known = among & np.isfinite(self.square)
         return float(np.mean(self.square[known] / sizes[known] ** 2))
 
     def places(self, sizes: Array, among: NDArray[np.bool_], own: bool) -> Array:
-        """(m,) s at each state from the states of designs `among`; `own` takes its own design out."""
+        """Return (m,) s at each state from the states of designs `among`; `own` excludes the state's design."""
         mean = self._mean(sizes, among)
         part = (self.part / sizes**2 + mean * self.blank) * among
         mass = self.mass * among
@@ -239,16 +239,17 @@ class _Axis:
             rows = np.arange(len(self.bars.design))
             part[rows, self.bars.design] = 0.0
             mass[rows, self.bars.design] = 0.0
-        # A place that only its own design has seen takes the mean.
+        # A place covered only by its own design gets the mean.
         total = mass.sum(axis=1)
         local = np.where(total > TINY, part.sum(axis=1) / np.maximum(total, TINY), mean)
         found: Array = np.sqrt(local + FLOOR**2 * mean) * self.grown
         return found
 
     def quantiles(self, sizes: Array, among: NDArray[np.bool_], levels: Array) -> Array:
-        """(levels,) quantiles of the scores of designs `among`, each counting alike and one more as infinite.
+        """Return (levels,) quantiles of the scores of designs `among`, equally weighted, and one infinite score.
 
-        What n designs cannot tell, above n / (n + 1), grows from the largest score as quantiles of a normal error do.
+        Above n / (n + 1), which n designs do not resolve, the quantile grows from the largest score as that of a normal
+        error.
         """
         scale = np.maximum(self.places(sizes, among, own=True) * sizes[self.bars.design], TINY)
         keep = self.scored & among[self.bars.design]
@@ -268,7 +269,7 @@ class _Axis:
         return found
 
     def covered(self, design: int, levels: tuple[float, ...]) -> Array:
-        """(levels,) share of one design's states in the bands that the others give; NaN without states."""
+        """Return (levels,) share of one design's states in the bands from the other designs; NaN without states."""
         rows = self.scored & (self.bars.design == design)
         if not rows.any():
             return np.full(len(levels), np.nan)
@@ -282,7 +283,7 @@ class _Axis:
 
 
 def _kernel(points: Array, places: Array) -> Array:
-    """(n, m) Gaussian kernel, as wide as `_reach`; each row's nearest place has 1, so that none underflows."""
+    """Return (n, m) Gaussian kernel of width `_reach`, scaled to 1 at each row's nearest place (no underflow)."""
     squares = np.sum(points**2, axis=1)[:, None] + np.sum(places**2, axis=1) - 2 * points @ places.T
     distance = np.maximum(squares, 0.0) / _reach(places) ** 2
     found: Array = np.exp(-(distance - distance.min(axis=1, keepdims=True)) / 2)
@@ -295,7 +296,7 @@ def _reach(places: Array) -> float:
 
 
 def _chosen(design: NDArray[np.int64], n: int) -> NDArray[np.bool_]:
-    """(m,) the states that are kept: all of them, or as many of each design as `MOST_STATES` allows."""
+    """Return (m,) the states that are kept: all, or as many of each design as `MOST_STATES` allows."""
     most = max(3, MOST_STATES // n)
     random = np.random.default_rng(0)
     keep = np.ones(len(design), bool)

@@ -1,9 +1,9 @@
-"""Which designs should be solved next: those whose data would teach the meta-model most.
+"""Choice of the designs to solve next, whose data would reduce the meta-model's error most.
 
 The gain of a candidate is the share of the mean squared error over the range of designs that solving it would remove,
-where the model can tell (`DesignLaws.gain`); else the model's doubt; else the distance to the next solved design.
-A batch is chosen one by one, each choice lowering the candidates near it (González, Dai, Hennig, Lawrence, Batch
-Bayesian optimization via local penalization, AISTATS 2016, there for another aim).
+if the model provides it (`DesignLaws.gain`); else the model's doubt; else the distance to the nearest solved design.
+A batch is chosen sequentially, and each choice penalises the candidates near it (González, Dai, Hennig, Lawrence, Batch
+Bayesian optimization via local penalization, AISTATS 2016, for another objective).
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 import scipy
 from pydantic import ValidationError
 
-from pliant.config.designs import sweep_designs
+from pliant.config.designs import MATERIAL, sweep_designs
 from pliant.config.study import Study, varied
 from pliant.errors import InvalidDesignError, UserError
-from pliant.pipeline.meta_model.designs import MATERIAL, parameters_of
+from pliant.pipeline.meta_model.designs import design_parameters
 from pliant.pipeline.meta_model.stage import MetaModelStage
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
 from pliant.store.store import write_atomically
@@ -33,9 +33,9 @@ CANDIDATES = 256
 # Designs over which the error is averaged.
 OVER = 256
 SEED = 0
-DIGITS = 6  # of a proposed parameter: 0.00712345, not 17 digits
-MOST_CORNERS = 6  # parameters up to which the corners of the range are candidates
-SAME = 1e-6  # of the range: two designs that are one
+DIGITS = 6  # significant digits of a proposed parameter: 0.00712345
+MOST_CORNERS = 6  # largest number of parameters for which the corners of the range are candidates
+SAME = 1e-6  # of the range: two closer designs are equal
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Proposal:
         names: parameters, SI.
         values: of the design.
         gain: share of the mean squared error that solving it would remove; for other bases the doubt relative to the
-            largest, or the distance to the next solved design relative to the range.
+            largest, or the distance to the nearest solved design relative to the range.
         basis: gain, doubt or distance.
     """
 
@@ -62,21 +62,23 @@ class Proposal:
 
 
 def check_count(count: int) -> None:
-    """Raise `UserError` unless a number of designs can be asked for; so cheap that it goes before every fit."""
+    """Raise `UserError` unless a number of designs is positive and allowed; cheap, so that it precedes every fit."""
     if count < 1:
         raise UserError(f"--next {count}: ask for at least one design.")
 
 
-def designs_to_solve(bench: Workbench, study: Study, stage: MetaModelStage, count: int) -> list[Proposal]:
-    """The `count` designs that should be solved next, best first: designs of the sweep that are not solved, where the
-    study has a sweep with such, else any in the range that the family accepts.
+def designs_to_solve(bench: RunContext, study: Study, stage: MetaModelStage, count: int) -> list[Proposal]:
+    """Return the `count` designs to solve next, best first.
+
+    The candidates are the sweep's unsolved designs if the study has such, else designs in the range that the family
+    accepts.
 
     Raises:
-        UserError: fewer candidates than asked for.
+        UserError: fewer candidates than `count`.
     """
     check_count(count)
     designs = stage.designs
-    candidates = _unsolved(designs, _of_sweep(study, designs))
+    candidates = _unsolved(designs, _sweep_designs(study, designs))
     if not len(candidates):
         candidates = _unsolved(designs, _in_range(bench, study, designs, CANDIDATES, SEED))
     if len(candidates) < count:
@@ -88,7 +90,7 @@ def designs_to_solve(bench: Workbench, study: Study, stage: MetaModelStage, coun
     worth, basis = _worth(stage, candidates, over if len(over) else designs.values)
     reach = len(designs) ** (-1.0 / len(designs.names))
     left, found = worth.copy(), []
-    for _ in range(count):  # each choice lowers its neighbours
+    for _ in range(count):  # each choice penalises its neighbours
         best = int(np.argmax(left))
         chosen = candidates[best]
         found.append(Proposal(designs.names, tuple(map(float, chosen)), float(worth[best]), basis))
@@ -99,7 +101,7 @@ def designs_to_solve(bench: Workbench, study: Study, stage: MetaModelStage, coun
 
 
 def write_proposals(proposals: Sequence[Proposal], path: Path) -> None:
-    """A table of designs for `sweep: {designs: next.csv}`."""
+    """Write a table of designs for `sweep: {designs: next.csv}`."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(proposals[0].names)
@@ -108,7 +110,7 @@ def write_proposals(proposals: Sequence[Proposal], path: Path) -> None:
 
 
 def _worth(stage: MetaModelStage, candidates: Array, over: Array) -> tuple[Array, str]:
-    """(m,) what each candidate is worth, and by which measure."""
+    """Return (m,) the merit of each candidate, and the name of its measure."""
     gain = stage.laws.gain(candidates, over)
     if gain is not None and np.all(np.isfinite(gain)) and np.any(gain > 0):
         return np.asarray(gain, float), "gain"
@@ -119,7 +121,7 @@ def _worth(stage: MetaModelStage, candidates: Array, over: Array) -> tuple[Array
 
 
 def _distances(designs: SolvedDesigns, one: Array, other: Array) -> Array:
-    """(m, k) distances between designs (m, d) and (k, d), the range of each parameter being 1."""
+    """Return (m, k) distances between designs (m, d) and (k, d), with the range of each parameter scaled to 1."""
     width = designs.scale
     found: Array = np.linalg.norm((one / width)[:, None] - (other / width)[None], axis=2)
     return found
@@ -132,18 +134,18 @@ def _unsolved(designs: SolvedDesigns, candidates: Array) -> Array:
     return new
 
 
-def _of_sweep(study: Study, designs: SolvedDesigns) -> Array:
-    """(m, d) designs of the study's sweep; none without a sweep of the same parameters."""
+def _sweep_designs(study: Study, designs: SolvedDesigns) -> Array:
+    """Return (m, d) designs of the study's sweep; empty without a sweep of the same parameters."""
     rows = []
     for design in sweep_designs(study) if study.sweep is not None else ():
-        known = parameters_of(design.family, design.material)
+        known = design_parameters(design.family, design.material)
         if not design.cause and all(name in known for name in designs.names):
             rows.append([float(known[name]) for name in designs.names])
     return np.array(rows).reshape(-1, len(designs.names))
 
 
-def _in_range(bench: Workbench, study: Study, designs: SolvedDesigns, count: int, seed: int) -> Array:
-    """(m, d) designs that fill the range evenly and that the family accepts, its corners first."""
+def _in_range(bench: RunContext, study: Study, designs: SolvedDesigns, count: int, seed: int) -> Array:
+    """Return (m, d) designs that fill the range evenly and that the family accepts, its corners first."""
     low, width = designs.box[:, 0], designs.scale
     d = len(designs.names)
     corners = np.array(list(product((0.0, 1.0), repeat=d)) if d <= MOST_CORNERS else []).reshape(-1, d)
@@ -152,8 +154,8 @@ def _in_range(bench: Workbench, study: Study, designs: SolvedDesigns, count: int
     return np.array([row for row in rows if _possible(bench, study, designs, row)]).reshape(-1, d)
 
 
-def _possible(bench: Workbench, study: Study, designs: SolvedDesigns, row: Sequence[float]) -> bool:
-    """Whether the family can be built with these parameters, and the material with its."""
+def _possible(bench: RunContext, study: Study, designs: SolvedDesigns, row: Sequence[float]) -> bool:
+    """Return whether family and material can be built with these parameters."""
     changes: dict[str, dict[str, float]] = {"family": {}, "material": {}}
     for name, value in zip(designs.names, row, strict=True):
         block = "material" if name.startswith(MATERIAL) else "family"

@@ -1,4 +1,4 @@
-"""Artifacts of meta-models: one for the fitted model with its scores and bars, one for each design's law."""
+"""Artifacts of meta-models: one of the fitted model with its scores and bars, one of each design's law."""
 
 from __future__ import annotations
 
@@ -18,41 +18,42 @@ from pliant.interfaces.meta_model import DesignLaws, MetaModel, MetaModelConfig
 from pliant.pipeline.meta_model.cross_validation import (
     Scores,
     axis_grids,
+    cross_validation_folds,
     effort_size,
     misses_left_out,
-    parts_of,
-    scores_of,
+    scores_by_place,
 )
-from pliant.pipeline.meta_model.designs import SourcedDesigns, solved_designs, trusted, values_of
+from pliant.pipeline.meta_model.designs import SourcedDesigns, design_values, solved_designs, trusted
 from pliant.pipeline.meta_model.error_bars import Bars
 from pliant.pipeline.surrogate import LawStage
-from pliant.pipeline.workbench import Workbench, content
+from pliant.pipeline.unread import unread_by_meta_model
+from pliant.pipeline.workbench import RunContext, content
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import FitReport, JointLaw, LawRecord
 from pliant.records.solved import SolvedDesigns
 from pliant.store.store import Artifact
 
-# Keys of the config that change no fit and no score.
+# Keys of the config that affect neither fit nor scores.
 NOT_FITTED = ("data", "extrapolate")
-STABLE_GRID = 7  # whether ∂τ/∂u stays negative (definite), the directions of the box one by one
+STABLE_GRID = 7  # grid for the check that ∂τ/∂u is negative definite, along each direction of the box
 
 
 @dataclass(frozen=True, eq=False)
 class MetaModelStage:
-    """A fitted meta-model with all that was found about it.
+    """A fitted meta-model with its scores and error bars.
 
     Attributes:
         config: the study's block.
         solved: the designs that it was fitted to.
-        laws: design parameters in, law out; without error bars, see `law`.
+        laws: map design parameters to laws; without error bars, see `law`.
         scores: place (all, interior, border) → errors on designs left out.
-        coverage: place → level → share of states inside bars that the other designs give.
-        bars: of any design.
-        details: what the fit tells.
-        parts: how often it was refitted without some of the designs.
-        fit_s, scoring_s: what the fit, and those without some designs, took.
-        artifact: holds it all.
+        coverage: place → level → share of states inside bars made from the other designs.
+        bars: give the error bar of any design.
+        details: of the fit.
+        parts: number of refits without some of the designs.
+        fit_s, scoring_s: time of the fit, and of the refits.
+        artifact: of the stage.
     """
 
     config: MetaModelConfig
@@ -69,23 +70,25 @@ class MetaModelStage:
 
     @property
     def designs(self) -> SolvedDesigns:
-        """The designs that the meta-model learned from."""
+        """The designs that the meta-model was fitted to."""
         return self.solved.designs
 
     def values(self, family: FamilyConfig, material: MaterialConfig | None) -> Array:
-        """(d,) parameters of a design; raises `UserError` where the model does not hold for it."""
+        """Return (d,) parameters of a design; raise `UserError` if it is outside the model's range."""
         designs = self.designs
-        return values_of(designs.names, designs.box, designs.fixed, family, material, self.config.extrapolate)
+        return design_values(
+            designs.names, designs.box, designs.fixed, family, material, self.config.extrapolate
+        )
 
     def law(self, values: Array) -> JointLaw:
-        """The law of a design (d,), with its error bar."""
+        """Return the law of a design (d,), with its error bar."""
         doubt = float(self.laws.doubt(np.asarray(values, float)[None])[0])
         law = self.laws.law(values)
         return with_error(law, self.bars.bar(law, values, doubt).arrays())
 
 
-def meta_model_stage(bench: Workbench, study: Study, solved: SourcedDesigns | None = None) -> MetaModelStage:
-    """Fit the study's meta-model, or find it in the store; its designs are solved first where they must be.
+def meta_model_stage(bench: RunContext, study: Study, solved: SourcedDesigns | None = None) -> MetaModelStage:
+    """Fit the study's meta-model, or load it from the store; unsolved designs are solved first.
 
     Raises:
         UserError: too few designs, or designs that do not belong together; see `solved_designs`.
@@ -94,18 +97,23 @@ def meta_model_stage(bench: Workbench, study: Study, solved: SourcedDesigns | No
     solved = solved_designs(bench, study) if solved is None else solved
     model: MetaModel = bench.build("meta_model", config)
     designs = solved.designs
-    parts = parts_of(designs, config.folds, model.fewest, "folds" in config.model_fields_set)
+    unread = unread_by_meta_model(
+        designs, solved.source, study.need("family", "a meta-model"), study.material
+    )
+    if unread:
+        bench.progress.note(unread)
+    parts = cross_validation_folds(designs, config.folds, model.fewest, "folds" in config.model_fields_set)
 
     def compute(partial: Path) -> dict[str, Any]:
         misses = misses_left_out(model, designs, parts, partial, bench.progress)
         started = time.perf_counter()
         fitted = model.fit(designs)
         fit_s = time.perf_counter() - started
-        bars = Bars.of(designs, misses)
+        bars = Bars.from_residuals(designs, misses)
         return {
             "record": fitted.laws.record(),
             "details": dict(fitted.details),
-            "scores": {place: one.as_values() for place, one in scores_of(designs, misses).items()},
+            "scores": {place: one.as_values() for place, one in scores_by_place(designs, misses).items()},
             "coverage": bars.coverage(designs.corners()),
             "misses": dict(vars(misses)),
             "bars": {field.name: getattr(bars, field.name) for field in fields(bars)},
@@ -133,7 +141,7 @@ def meta_model_stage(bench: Workbench, study: Study, solved: SourcedDesigns | No
         config=config,
         solved=solved,
         laws=model.load(value["record"]),
-        scores={place: Scores.of_values(one) for place, one in value["scores"].items()},
+        scores={place: Scores.from_values(one) for place, one in value["scores"].items()},
         coverage=value["coverage"],
         bars=Bars(**value["bars"]),
         details=value["details"],
@@ -144,26 +152,26 @@ def meta_model_stage(bench: Workbench, study: Study, solved: SourcedDesigns | No
     )
 
 
-def law_of_design(
-    bench: Workbench, stage: MetaModelStage, family: FamilyConfig, material: MaterialConfig | None
+def meta_model_law(
+    bench: RunContext, stage: MetaModelStage, family: FamilyConfig, material: MaterialConfig | None
 ) -> LawStage:
-    """The law of a design by nothing but its parameters.
+    """Return the law of a design from its parameters only.
 
-    The artifact holds the model, the design and its error bar, so that `read_law` makes the law anywhere.
+    The artifact contains the model, the design and its error bar, so that `read_law` can rebuild the law.
 
     Raises:
-        UserError: the model does not hold for the design.
+        UserError: the design is outside the model's range.
     """
     values = stage.values(family, material)
 
     def compute(partial: Path) -> dict[str, Any]:
         law = stage.law(values)
-        assert law.error is not None
+        assert isinstance(law.error, ErrorBar)  # of `MetaModelStage.law`
         return {
             "model": stage.laws.record(),
             "values": values,
             "error": law.error.arrays(),
-            "report": report_of(stage, law, values),
+            "report": left_out_report(stage, law, values),
         }
 
     artifact = bench.make(
@@ -179,22 +187,22 @@ def law_of_design(
 
 
 def read_law(model: MetaModel, value: Mapping[str, Any]) -> JointLaw:
-    """The law that the artifact of `law_of_design` holds."""
+    """Return the law from the artifact of `meta_model_law`."""
     record: LawRecord = value["model"]
     return with_error(model.load(record).law(np.asarray(value["values"], float)), value["error"])
 
 
 def with_error(law: JointLaw, arrays: Mapping[str, Array]) -> JointLaw:
-    """A copy of the law with the error bar that `ErrorBar.arrays` wrote."""
+    """Return a copy of the law with the error bar that `ErrorBar.arrays` wrote."""
     changed = copy.copy(law)
     object.__setattr__(
-        changed, "error", ErrorBar.of_arrays(arrays)
-    )  # laws are frozen, this one is still ours
+        changed, "error", ErrorBar.from_arrays(arrays)
+    )  # laws are frozen; this copy is not shared yet
     return changed
 
 
-def report_of(stage: MetaModelStage, law: JointLaw, values: Array) -> FitReport:
-    """Errors on designs left out, as the report of a law shows them; its details say whose law it is."""
+def left_out_report(stage: MetaModelStage, law: JointLaw, values: Array) -> FitReport:
+    """Return the errors on left-out designs as the report of a law; its details identify the design."""
     every, designs = stage.scores["all"], stage.designs
     states = [int(np.sum((one.role == "fit") & trusted(one))) for one in designs.data]
     slopes = [law.evaluate(p, u).dtau_du for p, u in axis_grids(law, STABLE_GRID, STABLE_GRID)]

@@ -1,1 +1,1 @@
-"""Which states of a module are solved: `plan` follows the strategy that the config names and keeps what is solved."""
+"""Sampling of a module's states: `plan` applies the strategy that the config names and keeps the solved states."""

@@ -1,9 +1,9 @@
-"""States one by one where the law is least certain, until its error is as small as asked.
+"""Adaptive sampling: states are added where the law is least certain, until its error is below the requested one.
 
-A Gaussian process is fitted to all states with their slopes (`gaussian`). The next state is the one, of a
-lattice over the box, where its deviation is largest. Each new state tests the process: its deviations are
-multiplied by what the last misses say that they are too small by. Sampling ends when twice the largest
-deviation and the last misses lie below the error, as a share of the effort's range.
+A Gaussian process is fitted to all states with their slopes (`gaussian`). The next state is the point of a
+lattice over the box with the largest standard deviation. Each new state tests the process: the deviations are
+multiplied by the factor by which the last residuals exceed them. Sampling ends when twice the largest
+deviation and the last residuals are below the error, as a share of the effort's range.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Any
 import numpy as np
 
 from pliant.pipeline.sampling.gaussian import Process, effort_orders, fit, slope_orders
-from pliant.pipeline.sampling.walk import Sampled, StateTarget, Walk
+from pliant.pipeline.sampling.walk import Sampled, SamplingRun, StateTarget
 from pliant.records.design import Array
 
 LATTICE = 21  # candidates along each side of the box
-TESTS = 2  # the last states that must have been foretold well enough
-REMEMBERED = 6  # the last misses that scale the deviations
-# A new state keeps this many times the distance to a failed one that it has to a solved one.
+TESTS = 2  # number of last states that must be predicted within the error
+REMEMBERED = 6  # number of last residuals that scale the deviations
+# Smallest ratio of a new state's distance to a failed one over that to a solved one.
 WARY = 2.0
 FEWEST_STATES = 4
-TINY = 1e-12  # a deviation that means certainty
-SAME = 1e-9  # scaled distance below which two places are one
+TINY = 1e-12  # smallest standard deviation, against division by zero
+SAME = 1e-9  # scaled distance below which two places are equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class LawView:
         return len(self.actuation)
 
     def mirrored(self) -> LawView:
-        """With the states at −u, which an even energy makes equal but for the sign of τ."""
+        """Return the view with the states at −u added; for an even energy they differ only in the sign of τ."""
         away = self.deformation != 0
         signs = (1.0, -1.0, -1.0, -1.0, 1.0)
         columns = (self.actuation, self.deformation, self.tau, self.dtau_dp, self.dtau_du)
@@ -50,7 +50,7 @@ class LawView:
 
 
 def law_view(states: Sequence[Sampled], axis: str, axes: Sequence[str]) -> LawView:
-    """The law of `axis` from states in which the other axes are free, or the only ones: dτ_j = 0 for all j ≠ k."""
+    """Return the law of `axis` from states in which the other axes are free: dτ_j = 0 for all j ≠ k."""
     k, rows = list(axes).index(axis), []
     for state in (one.state for one in states):
         others = [j for j in range(len(state.deformation)) if j != k]
@@ -67,9 +67,9 @@ def law_view(states: Sequence[Sampled], axis: str, axes: Sequence[str]) -> LawVi
 
 @dataclass(frozen=True)
 class Box:
-    """Where one axis is sampled, (low, high) in actuation and in u, and on which piece.
+    """Range in which one axis is sampled, (low, high) in actuation and in u, and its piece.
 
-    `symmetric`: u runs from −L to L, and states at −u are known from those at u, which alone are solved.
+    `symmetric`: u ranges from −L to L, and only states at u ≥ 0 are solved; those at −u follow by symmetry.
     """
 
     axis: str
@@ -79,56 +79,58 @@ class Box:
     symmetric: bool = False
 
     def scaled(self, actuation: Array, deformation: Array) -> Array:
-        """(n, 2) in [−1, 1]."""
+        """Return (n, 2) scaled to [−1, 1]."""
         sides = ((actuation, self.actuation), (deformation, self.deformation))
         return np.stack([(2 * c - low - high) / (high - low) for c, (low, high) in sides], axis=1)
 
     def lattice(self) -> tuple[Array, Array]:
-        """Actuations and deformations (LATTICE²,) of the candidate states."""
+        """Return the actuations and deformations (LATTICE²,) of the candidate states."""
         low, high = self.deformation
         sides = (self.actuation, (0.0 if self.symmetric else low, high))
         p, u = np.meshgrid(*(np.linspace(*side, LATTICE) for side in sides))
         return p.ravel(), u.ravel()
 
     def target(self, actuation: float, deformation: float) -> StateTarget:
-        """The state to solve at a place."""
+        """Return the state to solve at a place."""
         held = {self.axis: deformation}
         return StateTarget("constrained", actuation, held, explored=self.axis, piece=self.piece)
 
     def corners(self) -> list[StateTarget]:
-        """The corners, the easy ones first: without actuation, then bent with it, then against it."""
+        """Return the corners, the easiest first: without actuation, then bent with it, then against it."""
         (p0, p1), (u0, u1) = self.actuation, self.deformation
         places = ((p0, u1), (p1, u1), (p0, u0), (p1, u0))
         return [self.target(p, u) for p, u in places if not (self.symmetric and u < 0)]
 
-    def fitted(self, walk: Walk) -> list[Sampled]:
-        """The states to fit inside the box: those that only showed where it ends lie outside."""
+    def fitted(self, walk: SamplingRun) -> list[Sampled]:
+        """Return the states to fit inside the box, without those that only determined its border."""
         k = walk.pieces[self.piece].axes.index(self.axis)
         low, high = self.deformation
         margin = SAME * (high - low)
         return [
             one
-            for one in walk.of(self.piece)
+            for one in walk.piece_states(self.piece)
             if one.target.role == "fit"
             and (one.target.explored == self.axis or one.target.branch == "free")
             and low - margin <= float(one.state.deformation[k]) <= high + margin
         ]
 
-    def view(self, walk: Walk) -> LawView:
-        """The law of the states to fit, their mirror images among them."""
+    def view(self, walk: SamplingRun) -> LawView:
+        """Return the law of the states to fit, including their mirror images."""
         view = law_view(self.fitted(walk), self.axis, walk.pieces[self.piece].axes)
         return view.mirrored() if self.symmetric else view
 
 
-def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int], None]) -> dict[str, Any]:
+def refine(
+    walk: SamplingRun, box: Box, wanted: float, most: int, expect: Callable[[int], None]
+) -> dict[str, Any]:
     """Add states until the error is below `wanted` or the axis has `most` states to fit.
 
-    `expect` hears how many states this axis is likely to take still.
+    `expect` gets the estimated number of remaining states of this axis.
 
     Returns:
-        How well the law is known, as shares of the effort's range, as JSON values: `error` asked for; `stated_error`
-        of the process over the box, None before the first fit; `reached`, whether that and the last misses are below
-        it; `tests`, for each new state where, what was foretold and found, its deviation and miss.
+        The accuracy of the law as shares of the effort's range, as JSON values: the requested `error`; `stated_error`
+        of the process over the box, None before the first fit; `reached`, whether that and the last residuals are below
+        it; `tests`, for each new state its place, predicted and true value, deviation and residual.
     """
     tests: list[dict[str, float]] = []
     stated, reached = np.inf, False
@@ -148,12 +150,12 @@ def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int
         count = len(box.fitted(walk))
         if reached or count >= most:
             break
-        # The error falls by about a fifth with each state (measured on bending bellows).
+        # The error decreases by about a fifth with each state (measured on bending bellows).
         left = int(np.log(max(stated / wanted, 1.0)) / np.log(1.25))
         expect(min(most - count, max(1 + left, TESTS - len(tests))))
         worst = int(np.argmax(deviation))
         place = {"actuation": float(p[worst]), "deformation": float(u[worst])}
-        state = walk.reach(box.target(**place))
+        state = walk.solve(box.target(**place))
         if state is not None:
             tau = float(state.tau[walk.pieces[box.piece].axes.index(box.axis)])
             foretold = float(mean[worst]) * size
@@ -164,7 +166,7 @@ def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int
 
 
 def _process(view: LawView, box: Box, size: float, near: Array | None) -> Process:
-    """The process of −∂Π/∂v, v the scaled angle, so that everything is of order one."""
+    """Return the process of −∂Π/∂v, v the scaled angle, so that all values are of order one."""
     half_p, half_u = (np.ptp(side) / 2 for side in (box.actuation, box.deformation))
     values = -np.stack([view.tau, view.dtau_dp * half_p, view.dtau_du * half_u], axis=1) / size
     orders = np.concatenate([effort_orders(1), slope_orders(1)])
@@ -172,16 +174,16 @@ def _process(view: LawView, box: Box, size: float, near: Array | None) -> Proces
 
 
 def _predict(process: Process, box: Box, p: Array, u: Array) -> tuple[Array, Array]:
-    """τ and its deviation by the range, both (m,)."""
+    """Return τ and its standard deviation, relative to the range, both (m,)."""
     mean, deviation = process.predict(box.scaled(p, u), effort_orders(1))
     return -mean[:, 0], deviation[:, 0]
 
 
 def _too_small(process: Process, tests: list[dict[str, float]]) -> float:
-    """What the deviations are to be multiplied by, at least 1.
+    """Return the factor for the deviations, at least 1.
 
-    The larger root mean square of misses over deviations: of the last tests, and of all states, each foretold by
-    the others.
+    The factor is the larger root mean square of residuals over deviations, of the last tests and of the leave-one-out
+    predictions of all states.
     """
     misses, spread = process.left_out()
     of_all = np.abs(misses) / np.maximum(spread, TINY)
@@ -190,8 +192,8 @@ def _too_small(process: Process, tests: list[dict[str, float]]) -> float:
     return max(1.0, *map(float, ratios))
 
 
-def _allowed(walk: Walk, box: Box) -> np.ndarray:
-    """Which candidates may be tried: those that are neither solved nor near a failure."""
+def _allowed(walk: SamplingRun, box: Box) -> np.ndarray:
+    """Return which candidates may be solved: those that are neither solved nor near a failure."""
     candidates = box.scaled(*box.lattice())
 
     def distance(p: Array, u: Array) -> Array:
@@ -208,7 +210,7 @@ def _allowed(walk: Walk, box: Box) -> np.ndarray:
 
 
 def interpolated(view: LawView, box: Box) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """The process of all states as a function of p and u, both (m,): τ and its standard deviation, both (m,)."""
+    """Return the process of all states as a function of p and u, both (m,): τ and its standard deviation, both (m,)."""
     size = float(np.ptp(view.tau)) or 1.0
     process = _process(view, box, size, None)
 
@@ -219,11 +221,11 @@ def interpolated(view: LawView, box: Box) -> Callable[[Array, Array], tuple[Arra
     return tau
 
 
-def check_error(walk: Walk, box: Box) -> float | None:
-    """Largest error of the process at the trusted check states, as a share of the effort's range."""
+def check_error(walk: SamplingRun, box: Box) -> float | None:
+    """Return the largest error of the process at the trusted check states, as a share of the effort's range."""
     checks = [
         one
-        for one in walk.of(box.piece)
+        for one in walk.piece_states(box.piece)
         if one.target.role == "check" and one.target.explored == box.axis and one.state.trusted
     ]
     view = box.view(walk)

@@ -1,8 +1,8 @@
-"""A Gaussian process for a potential that is known by its derivatives: values of τ and exact slopes together.
+"""Gaussian process of a potential observed through its derivatives: values of τ and exact slopes.
 
-Π(x), x = (p, u_1 … u_k) scaled to [−1, 1], has a polynomial trend of unknown coefficients and a rest with the
-covariance σ² Π_d exp(−(x_d − x'_d)²/2ℓ_d²). Observed are derivatives of Π: τ_i = −∂Π/∂u_i, its slopes second
-ones, so that one process serves one axis and several, and the slopes of several are symmetric by themselves.
+Π(x), x = (p, u_1 … u_k) scaled to [−1, 1], has a polynomial trend of unknown coefficients and a residual with the
+covariance σ² Π_d exp(−(x_d − x'_d)²/2ℓ_d²). The observations are derivatives of Π: first ones, τ_i = −∂Π/∂u_i, and
+second ones, the slopes, so that the process applies to any number of axes and its slopes are always symmetric.
 Covariances of derivatives are Hermite polynomials; the trend is integrated out and the lengths ℓ maximise the
 restricted likelihood (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, §§ 2.7, 5.4, 9.4).
 """
@@ -23,20 +23,20 @@ Orders = NDArray[np.int64]
 
 LENGTHS = (0.3, 20.0)  # bounds of ℓ; the box has the width 2
 FIRST_LENGTH = 1.5
-# Errors of observations as a share of their own prior deviation: rounding of the solver and of the factorisation.
+# Errors of observations as a share of their prior deviation: rounding of the solver and of the factorisation.
 NUGGET = 1e-5
 REFUSED = 1e10
-# Differences of the cost below 0.1 mean nothing; its rounding is too large for the usual step of differences.
+# Differences of the cost below 0.1 are not significant; rounding is too large for the usual finite-difference step.
 SEARCH = {"maxiter": 30, "ftol": 1e-6, "gtol": 1e-2, "eps": 1e-3}
 
 
 def effort_orders(axes: int) -> Orders:
-    """(k, 1 + k) derivatives of Π that are efforts."""
+    """Return (k, 1 + k) derivatives of Π that are efforts."""
     return np.eye(1 + axes, dtype=np.int64)[1:]
 
 
 def slope_orders(axes: int) -> Orders:
-    """(k + k(k+1)/2, 1 + k) derivatives of Π that are slopes: ∂τ_i/∂p, then ∂τ_i/∂u_j with i ≤ j."""
+    """Return (k + k(k+1)/2, 1 + k) derivatives of Π that are slopes: ∂τ_i/∂p, then ∂τ_i/∂u_j with i ≤ j."""
     unit = np.eye(1 + axes, dtype=np.int64)
     by_p = [unit[0] + unit[1 + i] for i in range(axes)]
     by_u = [unit[1 + i] + unit[1 + j] for i in range(axes) for j in range(i, axes)]
@@ -50,7 +50,7 @@ class Process:
     Attributes:
         points: (n, d) scaled places.
         orders: (a, d) the derivatives observed at each of them.
-        values: (n·a,) what was observed, place by place.
+        values: (n·a,) the observations, place by place.
         lengths: (d,) ℓ.
     """
 
@@ -61,7 +61,7 @@ class Process:
 
     @cached_property
     def _trend_orders(self) -> Orders:
-        """Powers of the trend: u_i, p u_i, u_i u_j."""
+        """The powers of the trend: u_i, p u_i, u_i u_j."""
         k = self.points.shape[1] - 1
         return np.concatenate([effort_orders(k), slope_orders(k)])
 
@@ -76,7 +76,7 @@ class Process:
 
     @cached_property
     def _whitened(self) -> tuple[Array, Array, Array, Array]:
-        """Whitened trend L⁻¹H = QR as (L⁻¹H, R), its coefficients and the whitened rest of the values."""
+        """The whitened trend L⁻¹H = QR as (L⁻¹H, R), its coefficients and the whitened residual of the values."""
         assert self._factor is not None
         H = _monomials(self.points, self.orders, self._trend_orders)
         both = scipy.linalg.solve_triangular(self._factor, np.column_stack([H, self.values]), lower=True)
@@ -87,12 +87,12 @@ class Process:
 
     @cached_property
     def variance(self) -> float:
-        """σ², by maximum likelihood for the lengths that are given."""
+        """σ², by maximum likelihood for the given lengths."""
         trend, _, _, rest = self._whitened
         return float(rest @ rest) / (len(rest) - trend.shape[1])
 
     def cost(self) -> float:
-        """Minus the logarithm of the restricted likelihood, up to a constant."""
+        """Return minus the logarithm of the restricted likelihood, up to a constant."""
         if self._factor is None:
             return REFUSED
         trend, R, _, rest = self._whitened
@@ -101,9 +101,9 @@ class Process:
         return float(spread + np.log(np.diag(self._factor)).sum() + np.log(np.abs(np.diag(R))).sum())
 
     def left_out(self) -> tuple[Array, Array]:
-        """Misses and deviations, both (n,), of the first derivative at each place, told by the other places.
+        """Return leave-one-out residuals and deviations, both (n,), of the first derivative at each place.
 
-        With P the precision of the values after the trend, a block left out misses by P_BB⁻¹ (P y)_B with the
+        With P the precision of the values after the trend, a left-out block has the residual P_BB⁻¹ (P y)_B with the
         covariance σ² P_BB⁻¹ (Dubrule 1983).
         """
         assert self._factor is not None
@@ -120,7 +120,7 @@ class Process:
         return np.array(misses), np.sqrt(spread)
 
     def predict(self, points: Array, orders: Orders) -> tuple[Array, Array]:
-        """Mean and standard deviation, both (m, b), of derivatives `orders` (b, d) at `points` (m, d)."""
+        """Return mean and standard deviation, both (m, b), of derivatives `orders` (b, d) at `points` (m, d)."""
         trend, R, coefficients, rest = self._whitened
         crossed = _covariance(self.points, self.orders, points, orders, self.lengths)
         V = scipy.linalg.solve_triangular(self._factor, crossed, lower=True)
@@ -136,7 +136,7 @@ class Process:
 
 
 def fit(points: Array, orders: Orders, values: Array, near: Array | None = None) -> Process:
-    """The process with the likeliest lengths, searched from those of `near` or from a fixed start."""
+    """Fit the lengths by maximum restricted likelihood, starting from those of `near` or from a fixed start."""
     bounds = [tuple(np.log(LENGTHS))] * points.shape[1]
 
     def cost(logarithms: Array) -> float:
@@ -146,12 +146,12 @@ def fit(points: Array, orders: Orders, values: Array, near: Array | None = None)
     best = scipy.optimize.minimize(cost, np.log(start), method="L-BFGS-B", bounds=bounds, options=SEARCH)
     lengths = np.exp(best.x)
     while Process(points, orders, values, lengths)._factor is None:
-        lengths = 0.7 * lengths  # shorter ones are always positive definite
+        lengths = 0.7 * lengths  # shorter lengths are always positive definite
     return Process(points, orders, values, lengths)
 
 
 def _covariance(X: Array, A: Orders, Y: Array, B: Orders, lengths: Array) -> Array:
-    """(n·a, m·b) covariances, for σ = 1, of derivatives A at X (n, d) with derivatives B at Y (m, d)."""
+    """Return (n·a, m·b) covariances, for σ = 1, of derivatives A at X (n, d) with derivatives B at Y (m, d)."""
     by_dimension = [
         _derivatives((X[:, None, d] - Y[None, :, d]) / lengths[d], lengths[d]) for d in range(X.shape[1])
     ]
@@ -166,14 +166,14 @@ def _covariance(X: Array, A: Orders, Y: Array, B: Orders, lengths: Array) -> Arr
 
 
 def _derivatives(r: Array, length: float) -> list[Array]:
-    """He_n(r) exp(−r²/2) / ℓⁿ for n = 0 … 4: derivatives up to the sign, which alternates with those of x."""
+    """Return He_n(r) exp(−r²/2) / ℓⁿ for n = 0 … 4: derivatives up to the sign, which alternates with those of x."""
     he = [np.ones_like(r), r, r * r - 1, r * (r * r - 3), (r * r - 6) * r * r + 3]
     bell = np.exp(-r * r / 2)
     return [polynomial * bell / length**n for n, polynomial in enumerate(he)]
 
 
 def _monomials(points: Array, orders: Orders, powers: Orders) -> Array:
-    """(n·a, q) derivatives `orders` of the monomials x^powers."""
+    """Return (n·a, q) derivatives `orders` of the monomials x^powers."""
     out = np.zeros((len(points), len(orders), len(powers)))
     for i, a in enumerate(orders):
         for j, power in enumerate(powers):

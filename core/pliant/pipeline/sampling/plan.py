@@ -1,16 +1,16 @@
-"""Which states of a module are solved, in which order, and how an interrupted sampling goes on.
+"""Plan of a module's sampling: which states are solved, in which order, and how a sampling resumes.
 
-On the piece that moves about all axes, a lateral axis is held at angles up to `lateral_angle` while the main
-one follows its free branch, as on a bench; states are chosen as on the main axis. A module with mirror planes
-has an energy that is even in its lateral angles. That is tested, not asked: the far corner is solved on both
-sides, and where they agree the states at −u are copies. The coupling states hold all axes at points of a
-scrambled Sobol sequence (Owen 1998), so that a coupled law can be fitted, or the uncoupled one judged.
+On the piece that moves about all axes, a lateral axis is prescribed at angles up to `lateral_angle` while the main
+axis follows its free branch, as in a laboratory test; states are chosen as on the main axis. A module with mirror
+planes has an energy that is even in its lateral angles. This is tested, not configured: the far corner is solved on
+both sides, and if they agree the states at −u are copies. The coupling states prescribe all axes at points of a
+scrambled Sobol sequence (Owen 1998), so that a coupled law can be fitted, or the uncoupled one assessed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from pliant.interfaces.study_loads import StudyLoads
 from pliant.pipeline.sampling.adaptive import Box, check_error, refine
 from pliant.pipeline.sampling.strategies import (
     SeveralPlan,
-    box_of_angles,
+    angle_range,
     check_targets,
     free_actuations,
     free_adaptive,
@@ -36,24 +36,40 @@ from pliant.pipeline.sampling.strategies import (
 from pliant.pipeline.sampling.walk import (
     FULL,
     MAIN,
-    Piece,
     Sampled,
-    Sampling,
-    Saved,
+    SamplingRun,
+    StateCache,
     StateTarget,
-    Walk,
+    Subproblem,
     levels,
 )
 from pliant.records.actuation import Levels
 from pliant.records.fem import FemState, Role
 
-# States to fit that an adaptive main axis usually takes: free branch, corners, chosen ones.
+# States to fit that an adaptive main axis usually needs: free branch, corners, chosen ones.
 USUAL_STATES = 24
-MIRROR_TOLERANCE = 1e-3  # of τ and of u: both sides agree
+MIRROR_TOLERANCE = 1e-3  # of τ and of u: tolerance for equal sides
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """All solved states, the failed targets with their causes, and a summary of the choice of states.
+
+    Attributes:
+        solved: in the order of solution.
+        failed: one record for each target that did not converge.
+        mirrored: axes about which the module was found symmetric, so that states at −u equal those at u.
+        summary: JSON values for the report.
+    """
+
+    solved: tuple[Sampled, ...]
+    failed: tuple[dict[str, object], ...]
+    mirrored: tuple[str, ...] = ()
+    summary: Mapping[str, object] = field(default_factory=dict)
 
 
 def sample(
-    pieces: Sequence[Piece],
+    pieces: Sequence[Subproblem],
     config: FemConfig,
     limit: Levels,
     partial: Path,
@@ -64,21 +80,21 @@ def sample(
 
     Args:
         pieces: that of the main axis and, for a module of several axes, that of all axes.
-        config: `sampling` names the strategy.
+        config: its key `sampling` names the strategy.
         limit: the largest actuation, Pa or N; (m,) of several.
-        partial: finished states are kept there.
-        progress: hears of the states.
+        partial: folder of finished states.
+        progress: notified of the states.
         loads: by axis, of `sampling: study`.
 
-    Raises `NotReachedError` when the free branch cannot be followed or does not bend, since all else is scaled
+    Raises `NotReachedError` if the free branch cannot be followed or does not bend, since all ranges are scaled
     by it.
     """
-    saved = Saved(partial, progress.note)
+    saved = StateCache(partial, progress.note)
     by_name = {piece.name: piece for piece in pieces}
     several = np.ndim(limit) > 0
     plan = SeveralPlan(config, limit) if several else _Plan(config, limit, loads or {}, by_name)
     bar = progress.begin("FEM states", max(plan.estimate(), len(saved)), done=len(saved))
-    walk = Walk(
+    walk = SamplingRun(
         by_name, saved, bar, passing=config.self_contact == "pass", inputs=len(limit) if several else 1
     )
     try:
@@ -97,7 +113,7 @@ class _Plan:
     config: FemConfig
     limit: float
     loads: Mapping[str, StudyLoads]
-    pieces: Mapping[str, Piece]
+    pieces: Mapping[str, Subproblem]
 
     @property
     def main(self) -> str:
@@ -105,12 +121,12 @@ class _Plan:
 
     @property
     def lateral(self) -> list[str]:
-        """The other axes."""
+        """The lateral axes."""
         axes = self.pieces[FULL].axes if FULL in self.pieces else ()
         return [axis for axis in axes if axis != self.main]
 
     def estimate(self) -> int:
-        """About how many states there will be."""
+        """Estimate the total number of states."""
         config = self.config
         of_main = {
             "adaptive": min(USUAL_STATES, config.max_states),
@@ -120,14 +136,14 @@ class _Plan:
         return of_main[config.sampling] + config.check_states + self._later()
 
     def _later(self, done: int = 0) -> int:
-        """About how many states the other axes will take, the first `done` of them aside."""
+        """Estimate the number of states of the other axes, without the first `done` of them."""
         each = self.config.lateral_states + 1 + min(LATERAL_CHECKS, self.config.check_states)
         axes = len(self.lateral) - done
         free = LATERAL_FREE_LEVELS if done == 0 else 0
         return free + axes * each + self.config.coupling_states if self.lateral else 0
 
-    def carry_out(self, walk: Walk) -> dict[str, Any]:
-        """Solve everything; returns the summary."""
+    def carry_out(self, walk: SamplingRun) -> dict[str, Any]:
+        """Solve all states and return the summary."""
         walk.rest(explored=self.main)
         box, record = self._main_axis(walk)
         summary: dict[str, Any] = {
@@ -137,7 +153,7 @@ class _Plan:
         }
         if not self.lateral:
             return summary
-        # The free branch of the full piece starts all its other states.
+        # All other states of the full piece start from its free branch.
         walk.rest(FULL)
         free_levels(walk, levels(0.0, self.limit, LATERAL_FREE_LEVELS)[1:], "", FULL)
         reach = self.config.lateral_angle_rad
@@ -151,20 +167,20 @@ class _Plan:
         summary["coupling"] = coupling(walk.solved, self.pieces[FULL].axes, self.main)
         return summary
 
-    def _main_axis(self, walk: Walk) -> tuple[tuple[float, float], dict[str, Any]]:
-        """Box of the main axis and the record of how well its law is known."""
+    def _main_axis(self, walk: SamplingRun) -> tuple[tuple[float, float], dict[str, Any]]:
+        """Sample the main axis; return its box and the record of its law's accuracy."""
         config, limit, axis = self.config, self.limit, self.main
         record: dict[str, Any] = {}
         if config.sampling == "grid":
             low, high = grid(walk, config, limit, axis)
         elif config.sampling == "study":
             free_levels(walk, free_actuations(self.loads[axis], limit), axis)
-            low, high = box_of_angles(walk, config)
+            low, high = angle_range(walk, config)
             ladders(walk, self.loads[axis], limit, axis, MAIN, (low, high))
         else:
             free_adaptive(walk, limit, axis)
-            low, high = box_of_angles(walk, config)
-            if walk.passing:  # no overlap ends the box; rigid parts do
+            low, high = angle_range(walk, config)
+            if walk.passing:  # the box ends at rigid parts, not at overlaps
                 closed = self.pieces[MAIN].contact_range
                 low, high = max(low, closed[0]), min(high, closed[1])
             low, high = trusted_box(walk, axis, limit, low, high)
@@ -174,13 +190,13 @@ class _Plan:
             verdict = refine(walk, where, config.error, config.max_states, expect)
             record = {"n_states": len(walk.solved), **verdict}
         for target in check_targets(limit, low, high, config.check_states, config.seed, axis):
-            walk.reach(target)
+            walk.solve(target)
         if config.sampling == "adaptive":
             record["check_error"] = check_error(walk, where)
         return (low, high), record
 
-    def _lateral_axis(self, walk: Walk, axis: str, expect: Callable[[int], None]) -> dict[str, Any]:
-        """The states of one lateral axis; returns the record of how well its law is known."""
+    def _lateral_axis(self, walk: SamplingRun, axis: str, expect: Callable[[int], None]) -> dict[str, Any]:
+        """Sample one lateral axis; return the record of its law's accuracy."""
         config, reach = self.config, self.config.lateral_angle_rad
         symmetric, apart = self._mirror_test(walk, axis)
         box = Box(axis, FULL, (0.0, self.limit), (-reach, reach), symmetric)
@@ -189,17 +205,17 @@ class _Plan:
         verdict = refine(walk, box, config.error, most, expect)
         high, count = 0.0 if symmetric else reach, min(LATERAL_CHECKS, config.check_states)
         for target in check_targets(self.limit, -reach, high, count, config.seed, axis, FULL):
-            walk.reach(target)
+            walk.solve(target)
         return {
-            "n_states": sum(one.target.explored == axis for one in walk.of(FULL)),
+            "n_states": sum(one.target.explored == axis for one in walk.piece_states(FULL)),
             **verdict,
             "check_error": check_error(walk, box),
             "symmetric": symmetric,
             "difference_of_sides": apart,
         }
 
-    def _couple(self, walk: Walk, main_box: tuple[float, float]) -> None:
-        """States that hold all axes, over the box of all of them."""
+    def _couple(self, walk: SamplingRun, main_box: tuple[float, float]) -> None:
+        """Solve states that prescribe all axes, over the box of all axes."""
         count, reach, axes = (
             self.config.coupling_states,
             self.config.lateral_angle_rad,
@@ -213,14 +229,14 @@ class _Plan:
         low, high = np.array(sides).T
         for point in low + (high - low) * points:
             held = {axis: float(u) for axis, u in zip(axes, point[1:], strict=True)}
-            walk.reach(StateTarget("constrained", float(point[0]), held, piece=FULL))
+            walk.solve(StateTarget("constrained", float(point[0]), held, piece=FULL))
 
-    def _mirror_test(self, walk: Walk, axis: str) -> tuple[bool, float | None]:
-        """Whether the states at ±u under the largest actuation are mirror images, and how much they differ."""
+    def _mirror_test(self, walk: SamplingRun, axis: str) -> tuple[bool, float | None]:
+        """Return whether the states at ±u under the largest actuation are mirror images, and their difference."""
         k, reach = self.pieces[FULL].axes.index(axis), self.config.lateral_angle_rad
 
         def corner(angle: float, role: Role) -> FemState | None:
-            return walk.reach(StateTarget("constrained", self.limit, {axis: angle}, {}, role, axis, FULL))
+            return walk.solve(StateTarget("constrained", self.limit, {axis: angle}, {}, role, axis, FULL))
 
         right, left = corner(reach, "fit"), corner(-reach, "check")
         if right is None or left is None:
@@ -232,8 +248,8 @@ class _Plan:
         return apart <= MIRROR_TOLERANCE, apart
 
 
-def _expect(walk: Walk, later: int) -> Callable[[int], None]:
-    """Tells the bar its total from what an axis still needs, `later` states coming after it."""
+def _expect(walk: SamplingRun, later: int) -> Callable[[int], None]:
+    """Return a callback that sets the bar's total from an axis' remaining states and `later` states after it."""
 
     def expect(more: int) -> None:
         walk.bar.expect(max(walk.walked + more + later, len(walk.saved)))
@@ -242,11 +258,11 @@ def _expect(walk: Walk, later: int) -> Callable[[int], None]:
 
 
 def coupling(solved: Sequence[Sampled], axes: Sequence[str], main_axis: str) -> dict[str, Any]:
-    """How strongly the axes of a module depend on each other, from states of the piece that has them all.
+    """Return measures of the coupling between the axes of a module, from states of the piece with all axes.
 
     `largest` is max |∂τ_i/∂u_j| / √|∂τ_i/∂u_i ∂τ_j/∂u_j| over states and pairs, `between` its pair and
-    `actuation`, `deformation` its state; `largest_asymmetry` is max |K − Kᵀ| / max |K|, which an energy makes
-    zero. `pieces_differ` compares the free angle at the largest common actuation on both pieces, None without one.
+    `actuation`, `deformation` its state; `largest_asymmetry` is max |K − Kᵀ| / max |K|, which is zero for an
+    energy. `pieces_differ` compares the free angle at the largest common actuation on both pieces, None without one.
     """
     full = [one.state for one in solved if one.target.piece == FULL]
     if not full:

@@ -1,9 +1,9 @@
-"""Ways to choose the states of an axis: the free branch, the grid, the published study's loads; where the box ends.
+"""Sampling strategies of an axis: the free branch, the grid, the published study's loads, the limits of the box.
 
-Under several actuations (`SeveralPlan`) free states show how far the module bends, then states fill the box. Each of
-them holds all axes at a point of a scrambled Sobol sequence (Owen 1998) over the actuations and deformations at once,
-corners of that box first: with exact slopes it tells τ, its changes by every actuation and every axis, the energy and
-the travels.
+Under several actuations (`SeveralPlan`) free states determine how far the module bends, then states fill the box. Each
+of them prescribes all axes at a point of a scrambled Sobol sequence (Owen 1998) over actuations and deformations,
+starting with corners of the box. A state with exact slopes gives τ, its derivatives by every actuation and axis, the
+energy and the travels.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import scipy
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import STUDY_LOADS, StudyLoads
-from pliant.pipeline.sampling.walk import MAIN, StateTarget, Walk, levels
+from pliant.pipeline.sampling.walk import MAIN, SamplingRun, StateTarget, levels
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem, Role
 from pliant.records.law import EXTENSION
@@ -27,41 +27,40 @@ STRAIGHT = 1e-9  # a largest free angle (rad) or extension (m) below this is rou
 FIRST_STEP = 1 / 8  # of the limit
 SHORTEST_STEP = 1 / 64
 LONGEST_STEP = 1 / 3
-# A step whose prediction misses by this share of the angle reached so far was just right.
+# Target for the prediction error of a step, relative to the angle reached so far.
 WANTED_MISS = 0.1
-# Actuation of each trial for the border of trusted angles as a share of the limit: that border hardly depends on it,
-# so each trial is also a state somewhere else.
+# Actuations of the trials for the border of trusted angles, as shares of the limit: the border hardly depends on
+# them, so different values give states at different places.
 ACTUATIONS = (0.0, 0.5, 0.25, 0.75)
 ROUNDING = 1e-9
 
 
-def free_levels(walk: Walk, actuations: Array, explored: str, piece: str = MAIN) -> None:
-    """The free branch at given actuations, ascending. Raises `NotReachedError` at its first failure."""
+def free_levels(walk: SamplingRun, actuations: Array, explored: str, piece: str = MAIN) -> None:
+    """Solve the free branch at given ascending actuations. Raises `NotReachedError` at the first failure."""
     for actuation in actuations:
-        if walk.reach(StateTarget("free", float(actuation), explored=explored, piece=piece)) is None:
+        if walk.solve(StateTarget("free", float(actuation), explored=explored, piece=piece)) is None:
             raise _stopped(walk)
 
 
-def free_adaptive(walk: Walk, limit: float, explored: str) -> None:
-    """The free branch up to `limit`, from a walk that stands at rest.
+def free_adaptive(walk: SamplingRun, limit: float, explored: str) -> None:
+    """Solve the free branch from rest up to `limit`.
 
-    Each step is as long as the miss of the tangent's prediction over the last one allows: the miss grows with the
-    square of the length. A step that fails is tried at half its length. Raises `NotReachedError` where the shortest
-    step fails.
+    The step length follows from the error of the tangent prediction over the last step, which grows with the square of
+    the length. A failed step is repeated with half its length. Raises `NotReachedError` if the shortest step fails.
     """
     here = walk.solved[-1].state
     step = FIRST_STEP * limit
     while here.actuation < limit:
         left = limit - here.actuation
-        # Two even steps rather than one and a splinter.
+        # Two equal steps rather than one and a very short one.
         length = left if left <= step else min(step, left / 2) if left < 2 * step else step
         target = StateTarget("free", limit if length == left else here.actuation + length, explored=explored)
-        found = walk.reach(target)
+        found = walk.solve(target)
         if found is None:
             step = length / 2
             if step < SHORTEST_STEP * limit:
                 raise _stopped(walk)
-            walk.failed.pop()  # a shorter step gets past it, or says so
+            walk.failed.pop()  # a shorter step succeeds, or raises the error
             continue
         by_actuation = -here.dmoment_dp / here.dmoment_du
         foretold = here.angle_rad + by_actuation * (found.actuation - here.actuation)
@@ -71,7 +70,7 @@ def free_adaptive(walk: Walk, limit: float, explored: str) -> None:
         here = found
 
 
-def _stopped(walk: Walk) -> NotReachedError:
+def _stopped(walk: SamplingRun) -> NotReachedError:
     cause = str(walk.failed[-1]["cause"]).rstrip(".")
     return NotReachedError(
         f"the free branch stopped: {cause}. Lower the largest pressure or force under "
@@ -79,61 +78,63 @@ def _stopped(walk: Walk) -> NotReachedError:
     )
 
 
-def box_of_angles(walk: Walk, config: FemConfig) -> tuple[float, float]:
-    """Smallest and largest angle of the data: `angle_low` and `angle_high` times the largest free one.
+def angle_range(walk: SamplingRun, config: FemConfig) -> tuple[float, float]:
+    """Return the smallest and largest angle of the data: `angle_low` and `angle_high` times the largest free angle.
 
     Raises `NotReachedError` for a module that stays straight.
     """
-    free = [one.state.angle_rad for one in walk.of(MAIN) if one.target.branch == "free"]
+    free = [one.state.angle_rad for one in walk.piece_states(MAIN) if one.target.branch == "free"]
     largest = float(np.abs(free).max())
     if largest < STRAIGHT:
         raise NotReachedError("the module does not bend under pressure, so that no angles can be chosen")
     return config.angle_low * largest, config.angle_high * largest
 
 
-def trusted_box(walk: Walk, axis: str, limit: float, low: float, high: float) -> tuple[float, float]:
-    """The part of [low, high] that states show to be free of self-contact, and that contains the free branch."""
-
-    def edge(inner: float, outer: float) -> float:
-        """`outer` if a state there is sound, else the furthest sound one found by halving towards `inner`."""
-        reached, trial = inner, outer
-        for share in ACTUATIONS if inner != outer else ():
-            found = walk.reach(StateTarget("constrained", share * limit, {axis: trial}, explored=axis))
-            if found is not None and found.trusted:
-                reached = trial
-                if trial == outer:
-                    break
-            else:
-                outer = trial
-            trial = (reached + outer) / 2
-        return reached
+def trusted_box(walk: SamplingRun, axis: str, limit: float, low: float, high: float) -> tuple[float, float]:
+    """Return the part of [low, high] around the free branch that solved states show to be free of self-contact."""
 
     free = [one.state for one in walk.solved if one.target.branch == "free"]
     sound = [state.angle_rad for state in free if state.trusted]
-    inner_high = max(s.angle_rad for s in free)
-    return edge(min(0.0, *sound), low), edge(inner_high, high) if free[-1].trusted else high
+    sides = [(min(0.0, *sound), low)]
+    if free[-1].trusted:
+        sides.append((max(s.angle_rad for s in free), high))
+    edges = []
+    for inner, outer in sides:
+        # `outer` if the state there is valid, else the furthest valid one by bisection towards `inner`
+        end, reached, trial = outer, inner, outer
+        for share in ACTUATIONS if inner != outer else ():
+            found = walk.solve(StateTarget("constrained", share * limit, {axis: trial}, explored=axis))
+            if found is None or not found.trusted:
+                end = trial
+            else:
+                reached = trial
+                if trial == end:
+                    break
+            trial = (reached + end) / 2
+        edges.append(reached)
+    return edges[0], edges[1] if len(edges) > 1 else high
 
 
-def grid(walk: Walk, config: FemConfig, limit: float, axis: str) -> tuple[float, float]:
-    """Free branch at Chebyshev levels, then every angle at every actuation, nearest to the free branch first.
+def grid(walk: SamplingRun, config: FemConfig, limit: float, axis: str) -> tuple[float, float]:
+    """Solve the free branch at Chebyshev levels, then every angle at every actuation, nearest to the branch first.
 
     Returns the box of angles.
     """
     free_levels(walk, levels(0.0, limit, config.pressures)[1:], axis)
-    free = [one.state for one in walk.of(MAIN)]
-    low, high = box_of_angles(walk, config)
+    free = [one.state for one in walk.piece_states(MAIN)]
+    low, high = angle_range(walk, config)
     actuations, angles = [s.actuation for s in free], [s.angle_rad for s in free]
     for p in levels(0.0, limit, config.pressures):
         here = float(np.interp(p, actuations, angles))
         for u in sorted(levels(low, high, config.angles), key=lambda u: abs(u - here)):
-            walk.reach(StateTarget("constrained", float(p), {axis: float(u)}, explored=axis))
+            walk.solve(StateTarget("constrained", float(p), {axis: float(u)}, explored=axis))
     return low, high
 
 
 def check_targets(
     limit: float, low: float, high: float, count: int, seed: int, axis: str, piece: str = MAIN
 ) -> list[StateTarget]:
-    """`count` states, which no fit will see, spread over the box by a seeded Latin hypercube."""
+    """Return `count` states, never fitted, spread over the box by a seeded Latin hypercube."""
     random = np.random.default_rng(seed)
     strata = np.stack([random.permutation(count), random.permutation(count)], axis=1)
     points = (strata + random.random((count, 2))) / max(count, 1)
@@ -141,10 +142,10 @@ def check_targets(
     return [StateTarget("constrained", p, held, {}, "check", axis, piece) for p, held in places]
 
 
-def loads_of(config: FemConfig, problem: ModuleProblem) -> dict[str, StudyLoads]:
-    """The loads of each axis in the published study's sampling: the config's own, or those of `STUDY_LOADS`.
+def axis_loads(config: FemConfig, problem: ModuleProblem) -> dict[str, StudyLoads]:
+    """Return the loads of each axis in the published study's sampling: the config's own, or those of `STUDY_LOADS`.
 
-    Raises `UserError` for an axis that the study did not sample and the config does not give.
+    Raises `UserError` for an axis that neither the published study nor the config specifies.
     """
     unknown = sorted(set(config.study_loads) - set(problem.axes))
     if unknown:
@@ -164,13 +165,13 @@ def loads_of(config: FemConfig, problem: ModuleProblem) -> dict[str, StudyLoads]
 
 
 def free_actuations(loads: StudyLoads, limit: float) -> Array:
-    """Actuations of the free branch above zero, up to the limit."""
+    """Return the actuations of the free branch above zero, up to the limit."""
     found = steps(0.0, limit, loads.actuation_step)[1:]
     return found if found.size and limit - found[-1] < ROUNDING * limit else np.append(found, limit)
 
 
 def study_states(loads: StudyLoads, limit: float) -> int:
-    """How many states one axis has if every load is reached."""
+    """Return the number of states of one axis if every load is reached."""
     efforts = len(steps(loads.effort_low, loads.effort_high, loads.effort_step)) - 1
     return (
         1
@@ -180,16 +181,16 @@ def study_states(loads: StudyLoads, limit: float) -> int:
 
 
 def ladders(
-    walk: Walk, loads: StudyLoads, limit: float, axis: str, piece: str, box: tuple[float, float]
+    walk: SamplingRun, loads: StudyLoads, limit: float, axis: str, piece: str, box: tuple[float, float]
 ) -> None:
-    """The published study's dead loads in even steps at each actuation, from the free state upwards and downwards.
+    """Solve the published study's dead loads in equal steps at each actuation, from the free state up and down.
 
-    A ladder ends where the module is bent beyond the box of angles or does not converge; the main axis is free.
+    A series ends if the module bends beyond the box of angles or does not converge; the main axis is free.
     """
     k = walk.pieces[piece].axes.index(axis)
     actuations = steps(loads.actuation_low, limit, loads.actuation_step)
     if piece != MAIN:
-        known = {one.state.actuation for one in walk.of(piece) if one.target.branch == "free"}
+        known = {one.state.actuation for one in walk.piece_states(piece) if one.target.branch == "free"}
         free_levels(walk, np.array([p for p in actuations if p not in known]), "", piece)
     efforts = steps(loads.effort_low, loads.effort_high, loads.effort_step)
     small = ROUNDING * loads.effort_step
@@ -197,7 +198,7 @@ def ladders(
         for ladder in (efforts[efforts > small], efforts[efforts < -small][::-1]):
             for effort in ladder:
                 load = {axis: float(effort)}
-                state = walk.reach(
+                state = walk.solve(
                     StateTarget("constrained", float(p), effort=load, explored=axis, piece=piece)
                 )
                 if state is None or not box[0] <= float(state.deformation[k]) <= box[1]:
@@ -205,21 +206,21 @@ def ladders(
 
 
 def steps(low: float, high: float, step: float) -> Array:
-    """low, low + step … up to `high`, in numbers as people write them."""
+    """Return low, low + step … up to `high`, without binary rounding errors."""
     count = int(np.floor((high - low) / step + ROUNDING)) + 1
     return np.array([float(f"{low + n * step:.12g}") for n in range(count)])
 
 
 BESIDE = 0.3
-FREE_SHARES = (0.5, 1.0)  # of the limits, on each free branch
+FREE_SHARES = (0.5, 1.0)  # shares of the limits, on each free branch
 
 
 @dataclass(frozen=True)
 class SeveralPlan:
-    """The only strategy under several actuations.
+    """Sampling strategy under several actuations.
 
     Attributes:
-        config: `max_states` states fill the box, `check_states` more are never fitted.
+        config: `max_states` states fill the box; `check_states` further states are never fitted.
         limit: (m,) the largest actuations, Pa or N.
     """
 
@@ -227,15 +228,15 @@ class SeveralPlan:
     limit: Array
 
     def estimate(self) -> int:
-        """About how many states there will be."""
+        """Estimate the total number of states."""
         free = 1 + len(FREE_SHARES) * (len(self.limit) + 1)
         return free + self.config.max_states + self.config.check_states
 
-    def carry_out(self, walk: Walk) -> dict[str, Any]:
+    def carry_out(self, walk: SamplingRun) -> dict[str, Any]:
         """Solve everything; returns the summary.
 
         Raises:
-            UserError: a strategy of one actuation.
+            UserError: the config names a strategy of one actuation.
             NotReachedError: no input bends the module.
         """
         if self.config.sampling != "adaptive":
@@ -246,7 +247,7 @@ class SeveralPlan:
         walk.rest()
         for driven in (*np.eye(len(self.limit)), np.ones(len(self.limit))):
             for share in FREE_SHARES:
-                walk.reach(StateTarget("free", _levels(share * driven * self.limit)))
+                walk.solve(StateTarget("free", _levels(share * driven * self.limit)))
         sides = self._sides(walk)
         low, high = np.array([*((0.0, limit) for limit in self.limit), *sides.values()]).T
         points = self._points(len(low))
@@ -261,16 +262,14 @@ class SeveralPlan:
             "axes": {axis: {"low": side[0], "high": side[1]} for axis, side in sides.items()},
         }
 
-    def _hold(self, walk: Walk, place: Array, axes: tuple[str, ...], role: Role) -> None:
+    def _hold(self, walk: SamplingRun, place: Array, axes: tuple[str, ...], role: Role) -> None:
         m = len(self.limit)
         held = dict(zip(axes, place[m:].tolist(), strict=True))
-        walk.reach(StateTarget("constrained", _levels(place[:m]), held, role=role))
+        walk.solve(StateTarget("constrained", _levels(place[:m]), held, role=role))
 
-    def _sides(self, walk: Walk) -> dict[str, tuple[float, float]]:
-        """Of each axis the range of the free states, widened by `angle_high`; an axis that none drives gets
-        `lateral_angle` both ways.
-        """
-        free = [one.state for one in walk.of(MAIN)]
+    def _sides(self, walk: SamplingRun) -> dict[str, tuple[float, float]]:
+        """Return each axis' range of the free states, widened by `angle_high`; ±`lateral_angle` if not driven."""
+        free = [one.state for one in walk.piece_states(MAIN)]
         axes = walk.pieces[MAIN].axes
         turned = np.array([state.deformation for state in free])
         largest = float(np.abs(turned[:, [axis != EXTENSION for axis in axes]]).max())
@@ -294,17 +293,17 @@ class SeveralPlan:
         return sides
 
     def _extensions(self, column: Array) -> tuple[float, float]:
-        """The range of the free states' extensions, and on both sides `BESIDE` of it for forces along the chain."""
+        """Return the range of the free states' extensions, widened on both sides by a share for axial forces."""
         low, high = float(column.min()), float(column.max())
         return low - BESIDE * (high - low), high + BESIDE * (high - low)
 
     def _points(self, dimensions: int) -> Array:
-        """(n, d) in the unit cube: first what scores, then corners, then the rest."""
+        """Return (n, d) points in the unit cube: first the check states, then corners, then the other states."""
         count, checks = self.config.max_states, self.config.check_states
         sequence = scipy.stats.qmc.Sobol(dimensions, scramble=True, seed=self.config.seed)
         points = sequence.random_base2(int(np.ceil(np.log2(max(count + checks, 2)))))[: count + checks]
         corners = np.array(list(product((0.0, 1.0), repeat=dimensions)))
-        if len(corners) > count // 3:  # every second one spans the box too
+        if len(corners) > count // 3:  # every second corner spans the box too
             corners = corners[corners.sum(axis=1) % 2 == 0]
         if len(corners) > count // 2:
             corners = corners[:0]

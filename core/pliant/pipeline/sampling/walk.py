@@ -1,4 +1,4 @@
-"""What is to be solved, what was, and what failed: targets one after another, each from the nearest solved state."""
+"""Sequential solution of target states, each from the nearest solved state, with a record of solved and failed ones."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import math
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from pliant.store.store import (
     writing_in,
 )
 
-MAIN = "main"  # the piece that moves about the main axis alone, or the only piece
+MAIN = "main"  # the piece that moves only about the main axis, or the only piece
 FULL = "full"  # the piece that moves about all axes
 ROUNDING = 1e-9
 
@@ -37,12 +38,12 @@ class StateTarget:
 
     Attributes:
         branch: "free" has neither `held` nor `effort`.
-        actuation: Pa or N, a tuple of several.
-        held: u by axis (rad or m); axes that are not named are free.
+        actuation: Pa or N, a tuple for several.
+        held: prescribed u by axis (rad or m); axes that are not named are free.
         effort: external effort on one axis by its name (N·m or N), instead of `held`.
         role: "check" is never fitted.
-        explored: the axis whose law the state explores, "" for a state of several.
-        piece: which of the family's problems it is solved on.
+        explored: the axis whose law the state explores, "" for a state of several axes.
+        piece: the family's problem on which it is solved.
     """
 
     branch: Branch
@@ -55,7 +56,7 @@ class StateTarget:
 
     @property
     def name(self) -> str:
-        """The same text for the same target: what finished states are found by."""
+        """The identifying text of the target, by which finished states are found."""
         held = " ".join(f"{axis}={u!r}" for axis, u in self.held.items())
         effort = " ".join(f"m_{axis}={m!r}" for axis, m in self.effort.items())
         return " ".join((self.piece, self.role, repr(self.actuation), held or effort or "free"))
@@ -63,50 +64,32 @@ class StateTarget:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A target of the sampling with the state that FEM found for it."""
+    """A target of the sampling with its FEM state."""
 
     target: StateTarget
     state: FemState
 
 
-@dataclass(frozen=True)
-class Sampling:
-    """All solved states, the targets that failed with their cause, and how the states were chosen.
-
-    Attributes:
-        solved: in the order of solution.
-        failed: one record for each target that did not converge.
-        mirrored: axes about which the module proved symmetric, so that a state at −u is one at u.
-        summary: JSON values for the report.
-    """
-
-    solved: tuple[Sampled, ...]
-    failed: tuple[dict[str, object], ...]
-    mirrored: tuple[str, ...] = ()
-    summary: Mapping[str, object] = field(default_factory=dict)
-
-
 def levels(low: float, high: float, count: int) -> Array:
-    """`count` Chebyshev–Lobatto points on [low, high], ascending, ends included.
+    """Return `count` Chebyshev–Lobatto points on [low, high], ascending, ends included.
 
-    They serve polynomials best (Trefethen, Approximation Theory and Approximation Practice, ch. 2).
+    They are near-optimal for polynomials (Trefethen, Approximation Theory and Approximation Practice, ch. 2).
     """
     points = -np.cos(np.pi * np.arange(count) / (count - 1))
     return low + (high - low) * (points + 1) / 2
 
 
-class Saved:
+class StateCache:
     """Finished targets in a folder, so that an interruption loses at most one.
 
-    A solved state has a sub-folder; `states.json` holds, by the target's name, the digests of its files, or
-    the cause where the target failed. What is damaged is said and solved anew.
+    A solved state has a sub-folder; `states.json` lists, by the target's name, the digests of its files, or
+    the cause if the target failed. Damaged states are reported and solved again.
     """
 
     def __init__(self, folder: Path, note: Callable[[str], None]) -> None:
         self.folder, self.index = folder, folder / "states.json"
         self.states: dict[str, FemState] = {}
         self.entries: dict[str, dict[str, str]] = {}
-        self.reused = False
         try:
             entries = json.loads(self.index.read_text())
         except FileNotFoundError:
@@ -127,38 +110,40 @@ class Saved:
     def __len__(self) -> int:
         return len(self.entries)
 
-    def solve(self, name: str, compute: Callable[[], FemState]) -> FemState:
-        """The saved state of this name, or a computed one, saved; a saved failure is raised again."""
-        self.reused = name in self.entries
-        if name in self.states:
-            return self.states[name]
-        if self.reused:
+    def __contains__(self, name: str) -> bool:
+        return name in self.entries
+
+    def get(self, name: str) -> FemState | None:
+        """Return the state of this name, or None if it was not solved; raise the error of a failed one again."""
+        if name in self.entries and name not in self.states:
             raise StateNotConvergedError(self.entries[name]["failed"])
-        try:
-            state = compute()
-        except StateNotConvergedError as error:
-            self._remember(name, {"failed": str(error)})
-            raise
+        return self.states.get(name)
+
+    def add(self, name: str, state: FemState) -> None:
+        """Write a solved state."""
         place = self._place(name)
         with writing_in(self.folder):
             shutil.rmtree(place, ignore_errors=True)
             place.mkdir()
             write_value(place, state)
-            self._remember(name, digests(place))
-        return state
+            self._write(name, digests(place))
+
+    def add_failure(self, name: str, error: StateNotConvergedError) -> None:
+        """Write that a target failed."""
+        with writing_in(self.folder):
+            self._write(name, {"failed": str(error)})
 
     def _place(self, name: str) -> Path:
         return self.folder / f"state-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
 
-    def _remember(self, name: str, entry: dict[str, str]) -> None:
+    def _write(self, name: str, entry: dict[str, str]) -> None:
         self.entries[name] = entry
-        with writing_in(self.folder):
-            write_atomically(self.index, json.dumps(self.entries))
+        write_atomically(self.index, json.dumps(self.entries))
 
 
 @dataclass(frozen=True)
-class Piece:
-    """One of a module's problems, the axes that it moves about, and the bending that it can take."""
+class Subproblem:
+    """One of a module's problems, its axes, and its range of bending."""
 
     name: str
     solver: ModuleSolver
@@ -167,8 +152,18 @@ class Piece:
     contact_range: tuple[float, float] = (-math.inf, math.inf)
     closing: Closing | None = None
 
+    def solution(self, target: StateTarget) -> Callable[[FemState], FemState]:
+        """Return the solver's method for the target, a function of the solved state from which it starts."""
+        if target.held:
+            alone = target.held.get(self.main_axis) if len(self.axes) == 1 else None
+            held = target.held if alone is None else alone
+            return partial(self.solver.constrained, target.actuation, held)
+        if target.effort:
+            return partial(self.solver.loaded, target.actuation, target.effort, axes=self.axes)
+        return partial(self.solver.free, target.actuation)
+
     def can_take(self, state: FemState) -> bool:
-        """Whether the state lies where rigid parts stay apart."""
+        """Return whether rigid parts do not touch in the state."""
         low, high = self.contact_range
         u = dict(zip(self.axes, state.deformation.tolist(), strict=True))
         closed = self.closing is not None and not (
@@ -179,89 +174,95 @@ class Piece:
 
 
 @dataclass
-class Walk:
-    """What has been solved so far; states are kept by `saved` and counted by `bar`."""
+class SamplingRun:
+    """Solved states so far; states are kept by `saved` and counted by `bar`."""
 
-    pieces: Mapping[str, Piece]
-    saved: Saved
+    pieces: Mapping[str, Subproblem]
+    saved: StateCache
     bar: ProgressBar
     solved: list[Sampled] = field(default_factory=list)
     failed: list[dict[str, object]] = field(default_factory=list)
     stops: list[StateTarget] = field(default_factory=list)
-    passing: bool = False  # what overlaps is let pass
-    inputs: int = 1  # how many actuations there are
+    passing: bool = False  # whether overlaps are allowed
+    inputs: int = 1  # number of actuations
 
-    def of(self, piece: str) -> list[Sampled]:
-        """What was solved on one piece."""
+    def piece_states(self, piece: str) -> list[Sampled]:
+        """Return the solved states of one piece."""
         return [one for one in self.solved if one.target.piece == piece]
 
     def rest(self, piece: str = MAIN, explored: str = "") -> FemState:
-        """The undeformed state of a piece."""
+        """Return the undeformed state of a piece."""
         actuation = 0.0 if self.inputs == 1 else (0.0,) * self.inputs
         target = StateTarget("free", actuation, explored=explored, piece=piece)
         name = "rest" if piece == MAIN else f"{piece} rest"
-        return self._kept(name, target, self.pieces[piece].solver.rest)
+        state, known = self.saved.get(name), name in self.saved
+        if state is None:
+            state = self._passed(target, self.pieces[piece].solver.rest())
+            self.saved.add(name, state)
+        return self._keep(target, state, known)
 
-    def reach(self, target: StateTarget) -> FemState | None:
-        """The target's state, or None where it failed, which is recorded."""
-        start = self._nearest(target)
+    def solve(self, target: StateTarget) -> FemState | None:
+        """Return the target's state, cached or solved from the nearest one, or None after recording a failure."""
+        name, known = target.name, target.name in self.saved
         try:
-            return self._kept(target.name, target, lambda: self._solve(target, start))
+            state = self.saved.get(name)
+            if state is None:
+                try:
+                    solve = self.pieces[target.piece].solution(target)
+                    state = self._passed(target, solve(self._nearest(target)))
+                except StateNotConvergedError as error:
+                    self.saved.add_failure(name, error)
+                    raise
+                self.saved.add(name, state)
         except StateNotConvergedError as error:
-            angle = target.held.get(self.pieces[target.piece].main_axis)
-            failure: dict[str, object] = {"branch": target.branch, "actuation": target.actuation}
-            failure |= {"angle_rad": angle, "cause": str(error)}
-            if target.piece == FULL:
-                failure["held"] = dict(target.held)
-            if target.effort:
-                failure["effort"] = dict(target.effort)
-            self.failed.append(failure)
-            self.stops.append(target)
-            self.bar.advance(0 if self.saved.reused else 1)
+            self._fail(target, error, known)
             return None
+        return self._keep(target, state, known)
 
     @property
     def walked(self) -> int:
-        """How many targets were dealt with."""
+        """The number of targets that were solved or failed."""
         return len(self.solved) + len(self.stops)
 
     def reach_new(self, targets: list[StateTarget]) -> None:
-        """Reach those of the targets that were not dealt with."""
+        """Solve those of the targets that were neither solved nor failed."""
         for target in targets:
             known = (*(one.target for one in self.solved), *self.stops)
             if all(other.name != target.name for other in known):
-                self.reach(target)
+                self.solve(target)
 
-    def _kept(self, name: str, target: StateTarget, solve: Callable[[], FemState]) -> FemState:
-        """The state, its overlap let pass unless rigid parts meet; solved or found among the saved ones."""
+    def _passed(self, target: StateTarget, state: FemState) -> FemState:
+        """Return the state; its overlap is allowed unless rigid parts touch."""
+        passes = self.passing and state.status == SELF_CONTACT
+        passes = passes and self.pieces[target.piece].can_take(state)
+        return replace(state, status=PASSED) if passes else state
 
-        def seen() -> FemState:
-            state = solve()
-            passes = self.passing and state.status == SELF_CONTACT
-            passes = passes and self.pieces[target.piece].can_take(state)
-            return replace(state, status=PASSED) if passes else state
-
-        state = self.saved.solve(name, seen)
-        self.bar.advance(0 if self.saved.reused else 1)
+    def _keep(self, target: StateTarget, state: FemState, known: bool) -> FemState:
+        """Record a state, `known` if it was cached, and return it."""
+        self.bar.advance(0 if known else 1)
         self.solved.append(Sampled(target, state))
         self.pieces[target.piece].solver.learn(state)
         return state
 
-    def _solve(self, target: StateTarget, start: FemState) -> FemState:
-        piece = self.pieces[target.piece]
-        if target.held:
-            alone = target.held.get(piece.main_axis) if len(piece.axes) == 1 else None
-            return piece.solver.constrained(target.actuation, target.held if alone is None else alone, start)
+    def _fail(self, target: StateTarget, error: StateNotConvergedError, known: bool) -> None:
+        """Record a failure, `known` if it was cached."""
+        angle = target.held.get(self.pieces[target.piece].main_axis)
+        failure: dict[str, object] = {"branch": target.branch, "actuation": target.actuation}
+        failure |= {"angle_rad": angle, "cause": str(error)}
+        if target.piece == FULL:
+            failure["held"] = dict(target.held)
         if target.effort:
-            return piece.solver.loaded(target.actuation, target.effort, start, piece.axes)
-        return piece.solver.free(target.actuation, start)
+            failure["effort"] = dict(target.effort)
+        self.failed.append(failure)
+        self.stops.append(target)
+        self.bar.advance(0 if known else 1)
 
     def _nearest(self, target: StateTarget) -> FemState:
-        """The solved state closest in actuation and in what the target holds, both by what has been covered."""
-        states = [one.state for one in self.of(target.piece)]
+        """Return the solved state closest in actuation and prescribed values, each scaled by the covered range."""
+        states = [one.state for one in self.piece_states(target.piece)]
         wanted = target.effort or target.held
         if self.inputs > 1:
-            return self._nearest_of_several(target, states)
+            return self._nearest_by_actuations(target, states)
         if not wanted:
             below = [s for s in states if s.actuation <= target.actuation] or states
             return max(below, key=lambda s: (s.actuation, s.branch == "free"))
@@ -277,8 +278,8 @@ class Walk:
             distance = distance + ((column - value) / width(np.append(column, value))) ** 2
         return states[int(np.argmin(distance))]
 
-    def _nearest_of_several(self, target: StateTarget, states: list[FemState]) -> FemState:
-        """The same under several actuations; a free target's own place is not known, and actuations alone count."""
+    def _nearest_by_actuations(self, target: StateTarget, states: list[FemState]) -> FemState:
+        """Return the closest state under several actuations; for a free target only actuations are compared."""
         at = np.array([np.asarray(s.actuation, float) for s in states])
         wanted = np.asarray(target.actuation, float)
         if target.held:

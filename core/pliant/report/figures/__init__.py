@@ -1,1 +1,1 @@
-"""Pictures of a finished run, one file per picture. Only `pliant.report` imports matplotlib."""
+"""Pictures of bodies and the style of all stills. Only `pliant.report` imports matplotlib."""

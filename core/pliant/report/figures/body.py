@@ -1,9 +1,9 @@
-"""From the solved piece of a module to the bodies that pictures show: modules and whole fingers.
+"""Bodies that pictures show, modules and whole fingers, made from the solved piece of a module.
 
 The solved piece is half a module, x from the module's middle to its end, cut by its mirror planes: y = 0, and z = 0
-where nothing bends. Its end section is a plane, turned by θ = u/2 about y around the centre of an arc, or moved along x
-by u/2. Mirror images in these planes and in the start section give the module; modules follow each other end to start.
-A piece without mirror planes is the whole module.
+without bending. Its end section is a plane, turned by θ = u/2 about y around the centre of an arc, or moved along x by
+u/2. Mirror images in these planes and in the start section give the module; modules follow each other end to start. A
+piece without mirror planes is the whole module.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ class SectionShape:
         section: (n, 3) section coordinates, m.
         length_m: arc length of the line z = 0 between the two end sections.
         faces: (g, 9).
-        values: (n,) what colours it, by default the largest stretch of the skin against the rest shape.
-        lids: the faces (g,) that lie in the planes where the piece was cut: "start", "end", and the mirror planes
+        values: (n,) for its colours, by default the largest stretch of the skin against the rest shape.
+        lids: the faces (g,) in the planes where the piece was cut: "start", "end", and the mirror planes
             "y", "z".
-        mirrors: the planes in which mirror images make the module, by their normals.
+        mirrors: the mirror planes that complete the module, by their normals.
     """
 
     section: Array
@@ -44,7 +44,7 @@ class SectionShape:
     mirrors: tuple[str, ...] = ("x", "y")
 
     def bent(self, theta: float, without: Sequence[str]) -> Surface:
-        """The piece with its end section turned by `theta` (rad), some lids left out; the start stays at x = 0."""
+        """Return the piece with its end section turned by `theta` (rad) and without some lids; it starts at x = 0."""
         hidden = [self.lids[name] for name in without if name in self.lids]
         faces = self.faces[~np.any(hidden, axis=0)] if hidden else self.faces
         s, y, z = self.section.T
@@ -56,7 +56,7 @@ class SectionShape:
         return Surface(points, faces, self.values)
 
     def end_pose(self, theta: float) -> tuple[Array, Array]:
-        """Rotation (3, 3) and position (3,) of the end section in the frame of the start section."""
+        """Return rotation (3, 3) and position (3,) of the end section in the frame of the start section."""
         if abs(theta) < STRAIGHT:
             return np.eye(3), np.array([self.length_m, 0.0, 0.0])
         radius = self.length_m / theta
@@ -66,12 +66,12 @@ class SectionShape:
 
 
 def piece_angle(shape: ModuleShape, slides: bool = False) -> float:
-    """The angle θ between the piece's end sections; 0 where the joint slides."""
+    """Return the angle θ between the piece's end sections; 0 where the joint slides."""
     return 0.0 if slides else shape.angle_rad / (2 if "x" in shape.mirrors else 1)
 
 
 def unrolled(shapes: Sequence[ModuleShape], slides: bool = False) -> list[SectionShape]:
-    """The shapes in section coordinates; the first one must be the rest shape. `slides`: the joint is prismatic."""
+    """Return the shapes in section coordinates; the first must be the rest shape. `slides`: the joint is prismatic."""
     rest = shapes[0]
     x, y, z = rest.points_m.T
     near = 1e-6 * np.ptp(x)
@@ -84,8 +84,8 @@ def unrolled(shapes: Sequence[ModuleShape], slides: bool = False) -> list[Sectio
 def at_actuation(
     shapes: Sequence[ModuleShape], sections: Sequence[SectionShape], value: float
 ) -> SectionShape:
-    """The shape at this actuation, interpolated between the solved ones; clipped to their range."""
-    order, place = level_of(shapes, value)
+    """Return the shape at this actuation, interpolated between the solved ones; clipped to their range."""
+    order, place = level_position(shapes, value)
     low = sections[order[int(np.floor(place))]]
     high = sections[order[int(np.ceil(place))]]
     part = place - np.floor(place)
@@ -97,15 +97,15 @@ def at_actuation(
     )
 
 
-def level_of(shapes: Sequence[ModuleShape], value: float) -> tuple[IntArray, float]:
-    """The shapes' order by actuation, and where in it this actuation lies; clipped to their range."""
+def level_position(shapes: Sequence[ModuleShape], value: float) -> tuple[IntArray, float]:
+    """Return the shapes' order by actuation, and the position of this actuation in it; clipped to their range."""
     levels = np.array([shape.actuation for shape in shapes])
     order = np.argsort(levels, kind="stable")
     return order, float(np.interp(value, levels[order], np.arange(len(order))))
 
 
 def module(piece: SectionShape, theta: float, closed: Sequence[bool] = (True, True)) -> Surface:
-    """A whole module in the frame of its middle section; `closed` tells which of its two ends have lids.
+    """Return a whole module in the frame of its middle section; `closed`: which of its two ends have lids.
 
     A piece without the mirror plane x is the module, in the frame of its start section.
     """
@@ -120,14 +120,14 @@ def module(piece: SectionShape, theta: float, closed: Sequence[bool] = (True, Tr
 
 
 def cut_module(piece: SectionShape, theta: float) -> Surface:
-    """A module cut open along y = 0, where that is a mirror plane: the half behind the cut, y ≥ 0."""
+    """Return a module cut open along y = 0, if that is a mirror plane: the half behind the cut, y ≥ 0."""
     halved = "x" in piece.mirrors
     part = _sides(piece.bent(theta, ("start", "z") if halved else ("z",)), piece, "z")
     return Surface.joined([part, part.mirrored(0)]) if halved else part
 
 
 def _sides(part: Surface, piece: SectionShape, planes: str = "yz") -> Surface:
-    """The part with its mirror images in some of the piece's planes."""
+    """Return the part with its mirror images in some of the piece's planes."""
     for number, name in enumerate("xyz"):
         if name in planes and name in piece.mirrors:
             part = Surface.joined([part, part.mirrored(number)])
@@ -137,7 +137,7 @@ def _sides(part: Surface, piece: SectionShape, planes: str = "yz") -> Surface:
 def finger(
     pieces: Sequence[SectionShape], joint_angles: Array, turns: Array, position: Array, rotation: Array
 ) -> tuple[Surface, Array]:
-    """Modules in a row, and the path (n + 1, 3) of their ends from base to tip.
+    """Return modules in a row, and the path (n + 1, 3) of their ends from base to tip.
 
     Args:
         pieces: the shape of each module.
@@ -157,7 +157,7 @@ def finger(
 def poses(
     pieces: Sequence[SectionShape], joint_angles: Array, turns: Array, position: Array, rotation: Array
 ) -> tuple[Array, Array, Array]:
-    """Of a finger's modules the rotations (n, 3, 3) and centres (n, 3) of their middle sections, and the path."""
+    """Return rotations (n, 3, 3) and centres (n, 3) of a finger's middle sections, and the path."""
     middles, centres, path = [], [], [np.asarray(position, float)]
     frame, origin, before = np.asarray(rotation, float), np.asarray(position, float), 0.0
     for piece, angle, turn in zip(pieces, joint_angles, turns, strict=True):
@@ -176,7 +176,7 @@ def poses(
 def _unroll(
     shape: ModuleShape, rest: ModuleShape, planes: Mapping[str, NDArray[np.bool_]], theta: float
 ) -> SectionShape:
-    """`theta`: the angle between the piece's end sections."""
+    """Return a shape in section coordinates; `theta` is the angle between the piece's end sections."""
     lids = {name: np.asarray(nodes[rest.faces].all(axis=1)) for name, nodes in planes.items()}
     end = planes["end"]
     x, y, z = shape.points_m.T
@@ -193,9 +193,9 @@ def _unroll(
 
 
 def _skin_stretch(rest: Array, deformed: Array, faces: IntArray, lid: NDArray[np.bool_]) -> Array:
-    """(n,) largest principal stretch in the skin's plane, averaged over the faces at each point.
+    """Return (n,) the largest principal stretch in the skin's plane, averaged over the faces at each point.
 
-    Lids count only where no real skin does: what they show is a section, not a surface.
+    Lids count only at points without real skin: they are sections, not surfaces.
     """
     _, dA, dB, _ = face_shapes((3, 3))
 

@@ -14,18 +14,18 @@ from pliant.records.fem import FemDataset, ModuleShape
 from pliant.report.figures import body, rendering, style
 
 HEIGHT_PX = 620
-FEWEST_PX = 380  # height that the colour bar's label needs
-ROW_PX = 1100  # width that the bodies together may take
+FEWEST_PX = 380  # height of the colour bar's label
+ROW_PX = 1100  # total width of the bodies
 MARGIN_M = 0.0008
 GAP_PX = 45
-TITLE_PX = 190  # a title's room at least
+TITLE_PX = 190  # least space for a title
 AZIMUTH, ELEVATION = np.radians(-22.0), np.radians(16.0)
 
 Titled = tuple[str, rendering.Surface, rendering.Look]
 
 
 def module_camera() -> rendering.Camera:
-    """A view in the module frame: x to the right, z upwards, the cut toward the viewer."""
+    """Return a view in the module frame: x to the right, z upwards, the cut toward the viewer."""
     front = rendering.Camera.looking(np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     return front.tilted(AZIMUTH, ELEVATION)
 
@@ -40,9 +40,9 @@ def show(axes: Any, image: rendering.Image, window: rendering.Window) -> None:
 
 
 def in_a_row(bodies: Sequence[Titled], bar: Callable[[Any, Any], None]) -> style.Png:
-    """The bodies with their titles above, a scale below the first, and a bar that `bar(figure, axes)` draws."""
+    """Draw the bodies with their titles above, a scale below the first, and a bar that `bar(figure, axes)` draws."""
     camera = module_camera()
-    boxes = [rendering.box_of([surface], camera, MARGIN_M) for _, surface, _ in bodies]
+    boxes = [rendering.bounding_box([surface], camera, MARGIN_M) for _, surface, _ in bodies]
     bottom, top = min(b[2] for b in boxes), max(b[3] for b in boxes)
     widths = [b[1] - b[0] for b in boxes]
     scale = min((HEIGHT_PX - 110) / (top - bottom), ROW_PX / sum(widths))
@@ -84,7 +84,7 @@ MESH_LINE = 0.45  # pixels
 
 
 def can_show(data: FemDataset | None) -> bool:
-    """Whether the data hold a rest shape and a deformed one of a piece that bends about y or slides along x."""
+    """Return whether the data have a rest shape and a deformed one of a piece that bends about y or slides along x."""
     if data is None or len(data.shapes) < 2 or not len(data.shapes[0].faces):
         return False
     known = data.axis == "x" if data.joint == "prismatic" else data.axis == "y"
@@ -92,7 +92,7 @@ def can_show(data: FemDataset | None) -> bool:
 
 
 def module_shape(data: FemDataset) -> style.Png:
-    """Rest shape and the free shape at the largest actuation, at one scale."""
+    """Draw the rest shape and the free shape at the largest actuation, at one scale."""
     last = last_shape(data)
     slides = data.joint == "prismatic"
     rest, free = body.unrolled([data.shapes[0], last], slides)
@@ -110,12 +110,12 @@ def module_shape(data: FemDataset) -> style.Png:
 
 
 def last_shape(data: FemDataset) -> ModuleShape:
-    """The free shape at the largest actuation."""
+    """Return the free shape at the largest actuation."""
     return max(data.shapes, key=lambda shape: shape.actuation)
 
 
 def stretch_limits(sections: Sequence[body.SectionShape]) -> tuple[float, float]:
-    """1 to the largest stretch of the skin, rounded up to a twentieth."""
+    """Return 1 and the largest stretch of the skin, rounded up to a twentieth."""
     largest = max(float(s.values.max()) for s in sections)
     return 1.0, max(1.05, float(np.ceil(largest * 20 - 1e-6) / 20))
 
@@ -126,7 +126,7 @@ def stretch_bar(
     limits: tuple[float, float],
     orientation: Literal["vertical", "horizontal"] = "vertical",
 ) -> None:
-    """The colour bar of the skin's stretch."""
+    """Draw the colour bar of the skin's stretch."""
     place = {"cax": axes, "orientation": orientation}
     style.colour_bar(
         figure, (Normalize(*limits), style.stretch_map()), "largest stretch of the skin", **place
@@ -135,24 +135,24 @@ def stretch_bar(
 
 
 def free_title(data: FemDataset, shape: ModuleShape) -> str:
-    """Where on the free branch a shape is."""
+    """Return the position of a shape on the free branch, as a title."""
     value = actuation_unit(data.actuation_name).text(shape.actuation)
     unit = deformation_unit(data)
     u = fixed(shape.angle_rad * unit.factor, 1 if unit is display_unit("rad") else 2)
     return f"Free at {value}: u = {u}{'' if unit is display_unit('rad') else ' '}{unit.symbol}"
 
 
-# Peaks in a few corners would leave all else pale: the colours end at this share of the skin's nodes.
+# Peaks in a few corners would make the rest pale: the colours end at this share of the skin's nodes.
 SHOWN_SHARE = 0.995
 
 
 def has_stress(data: FemDataset | None) -> bool:
-    """Whether the last free shape can be drawn and has its stress."""
+    """Return whether the last free shape can be drawn and has its stress."""
     return data is not None and can_show(data) and last_shape(data).von_mises_pa is not None
 
 
 def module_stress(data: FemDataset) -> style.Png:
-    """Cut open, with the stress in the section, and whole."""
+    """Draw the module cut open, with the stress in the section, and whole."""
     last = last_shape(data)
     stress = last.von_mises_pa
     assert stress is not None
@@ -167,7 +167,7 @@ def module_stress(data: FemDataset) -> style.Png:
 
 
 def stress_caption(data: FemDataset) -> str:
-    """What the picture shows and the largest stress of the skin."""
+    """Return a caption with the largest stress of the skin."""
     stress = last_shape(data).von_mises_pa
     assert stress is not None
     largest = stress_unit(float(stress.max())).text(float(stress.max()), 3)

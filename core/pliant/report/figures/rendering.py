@@ -16,14 +16,14 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
 Image = NDArray[np.float32]
-COARSE = 4  # fine pixels per pixel of what is blurred anyway
+COARSE = 4  # fine pixels per pixel of images that are blurred
 LIGHTS = (((-0.45, 0.65, 0.75), 0.62), ((0.75, 0.1, 0.55), 0.22))  # direction in the view, strength
 AMBIENT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How a surface is drawn: a colour map over `limits` of the values or one colour, mesh lines, opacity."""
+    """The appearance of a surface: a colour map over `limits` of the values or one colour, mesh lines, opacity."""
 
     colours: Colormap | None = None
     limits: tuple[float, float] = (0.0, 1.0)
@@ -34,7 +34,7 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Buffers:
-    """The nearest sample of each fine pixel; depth is −inf where there is none."""
+    """The nearest sample of each fine pixel; depth is −inf without one."""
 
     depth: Image
     normal: Image
@@ -43,7 +43,7 @@ class Buffers:
 
 
 def shade(buffers: Buffers, look: Look) -> Image:
-    """Diffuse light, a soft highlight, darker grooves, mesh lines and outlines, as RGBA."""
+    """Return diffuse light, a soft highlight, darker grooves, mesh lines and outlines, as RGBA."""
     covered = np.isfinite(buffers.depth)
     normal = buffers.normal
     light = np.full(covered.shape, AMBIENT, np.float32)
@@ -71,7 +71,7 @@ def _colours(value: Image, look: Look) -> Image:
 
 
 def _grooves(depth: Image, covered: NDArray[np.bool_]) -> Image:
-    """How far each pixel lies behind its surroundings, 0 to 1."""
+    """Return how far each pixel is behind its surroundings, 0 to 1."""
     coarse = slice(None, None, COARSE)
     reach = 0.022 * max(covered.shape)
     filled = np.where(covered, depth, 0).astype(np.float32)
@@ -82,7 +82,7 @@ def _grooves(depth: Image, covered: NDArray[np.bool_]) -> Image:
 
 
 def _outline(depth: Image, covered: NDArray[np.bool_]) -> Image:
-    """1 where a neighbour is much nearer or where the body ends."""
+    """Return 1 where a neighbour is much nearer or at the border of the body, else 0."""
     step = 0.03 * max(covered.shape)
     filled = np.where(covered, depth, -1e9)
     cross = generate_binary_structure(2, 1)
@@ -92,7 +92,7 @@ def _outline(depth: Image, covered: NDArray[np.bool_]) -> Image:
 
 
 def reduced(image: Image, fine: int) -> Image:
-    """Mean over the fine pixels of each pixel, weighted by opacity."""
+    """Return the mean over the fine pixels of each pixel, weighted by opacity."""
     rows, columns = image.shape[0] // fine, image.shape[1] // fine
     blocks = image.reshape(rows, fine, columns, fine, 4)
     alpha = blocks[..., 3:].mean(axis=(1, 3))
@@ -103,7 +103,7 @@ def reduced(image: Image, fine: int) -> Image:
 TRANSPOSED = [0, 3, 6, 1, 4, 7, 2, 5, 8]  # a face seen from its other side
 SPACING = 0.75  # distance of samples, in fine pixels
 MOST_SAMPLES = 400
-ROUGH = 6  # fine pixels per pixel of the picture that tells which faces are hidden
+ROUGH = 6  # fine pixels per pixel of the picture in which hidden faces are found
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,18 +115,18 @@ class Surface:
     values: Array
 
     def moved(self, rotation: Array, offset: Array) -> Surface:
-        """The surface under a rigid motion x → R x + t."""
+        """Return the surface under a rigid motion x → R x + t."""
         return replace(self, points=self.points @ np.asarray(rotation).T + offset)
 
     def mirrored(self, axis: int) -> Surface:
-        """The mirror image in the plane where this coordinate is 0."""
+        """Return the mirror image in the plane where this coordinate is 0."""
         points = self.points.copy()
         points[:, axis] *= -1
         return replace(self, points=points, faces=self.faces[:, TRANSPOSED])
 
     @staticmethod
     def joined(parts: Sequence[Surface]) -> Surface:
-        """Several surfaces as one."""
+        """Return several surfaces as one."""
         starts = np.cumsum([0, *(len(p.points) for p in parts[:-1])])
         return Surface(
             np.concatenate([p.points for p in parts]),
@@ -145,25 +145,25 @@ class Camera:
 
     @staticmethod
     def looking(toward: Array, up: Array) -> Camera:
-        """From the direction `toward`, with `up` upwards as far as it can be."""
+        """Return the view from the direction `toward`, with `up` as far upwards as possible."""
         t = np.asarray(toward, float) / np.linalg.norm(toward)
         r = np.cross(up, t)
         r /= np.linalg.norm(r)
         return Camera(r, np.cross(t, r), t)
 
     def tilted(self, azimuth_rad: float, elevation_rad: float) -> Camera:
-        """The view after walking around `up` and then rising."""
+        """Return the view after rotating by the azimuth around `up` and then by the elevation."""
         side = np.cos(azimuth_rad) * self.toward + np.sin(azimuth_rad) * self.right
         return Camera.looking(np.cos(elevation_rad) * side + np.sin(elevation_rad) * self.up, self.up)
 
     def project(self, points: Array) -> Array:
-        """(..., 3) coordinates to the right, upwards, toward the viewer."""
+        """Return (..., 3) coordinates to the right, upwards, toward the viewer."""
         return np.asarray(points) @ np.stack([self.right, self.up, self.toward], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """The part of the picture plane that is drawn, (left, right, bottom, top), at `scale` pixels per unit.
+    """The drawn part of the picture plane, (left, right, bottom, top), at `scale` pixels per unit.
 
     Each pixel is the mean of `fine` × `fine` samples.
     """
@@ -180,21 +180,23 @@ class Window:
 
 
 def draw(surface: Surface, camera: Camera, window: Window, look: Look) -> Image:
-    """The surface as an RGBA image (rows from the bottom, columns, 4) with values in [0, 1]."""
+    """Return the surface as an RGBA image (rows from the bottom, columns, 4) with values in [0, 1]."""
     buffers = _rasterise(surface, camera, window, look.mesh_lines)
     return reduced(shade(buffers, look), window.fine)
 
 
 def over(front: Image, back: Image) -> Image:
-    """One image laid over another (straight alpha)."""
+    """Return one image laid over another (straight alpha)."""
     a, b = front[..., 3:], back[..., 3:] * (1 - front[..., 3:])
     alpha = a + b
     colour = (front[..., :3] * a + back[..., :3] * b) / np.maximum(alpha, 1e-6)
     return np.concatenate([colour, alpha], axis=2)
 
 
-def box_of(surfaces: Sequence[Surface], camera: Camera, margin: float) -> tuple[float, float, float, float]:
-    """The smallest window box around all surfaces, with a margin."""
+def bounding_box(
+    surfaces: Sequence[Surface], camera: Camera, margin: float
+) -> tuple[float, float, float, float]:
+    """Return the smallest window box around all surfaces, with a margin."""
     flat = np.concatenate([camera.project(s.points)[:, :2] for s in surfaces])
     (left, bottom), (right, top) = flat.min(axis=0) - margin, flat.max(axis=0) + margin
     return float(left), float(right), float(bottom), float(top)
@@ -222,7 +224,7 @@ def _rasterise(surface: Surface, camera: Camera, window: Window, mesh_lines: flo
 
 
 def _all_samples(corner: Image, columns: int, rows: int, edges: bool) -> tuple[IntArray, Image]:
-    """Samples of all faces, those of similar size in one go."""
+    """Return samples of all faces; faces of similar size are processed together."""
     pixels, collected = [np.zeros(0, np.int64)], [np.zeros((6, 0), np.float32)]
     counts = _counts(corner)
     for pair in np.unique(counts, axis=0):
@@ -240,7 +242,7 @@ def _nearest(pixel: IntArray, depth: Image, size: int) -> Image:
 
 
 def _not_hidden(corner: Image, columns: int, rows: int) -> NDArray[np.bool_]:
-    """Faces (g, 9, 4) of which some part is not behind others in a picture of few pixels; errs on their side."""
+    """Return a mask of faces (g, 9, 4) that a coarse picture does not show to be hidden; may include hidden ones."""
     small = (corner / np.array([ROUGH, ROUGH, ROUGH, 1])).astype(np.float32)
     few_columns, few_rows = columns // ROUGH + 1, rows // ROUGH + 1
     pixel, sample = _all_samples(small, few_columns, few_rows, edges=False)
@@ -253,16 +255,16 @@ def _not_hidden(corner: Image, columns: int, rows: int) -> NDArray[np.bool_]:
 
 
 def _may_be_seen(corner: Image) -> NDArray[np.bool_]:
-    """Faces (g, 9, 4) that look at the viewer at one of their nodes at least."""
+    """Return a mask of faces (g, 9, 4) that face the viewer at one or more nodes."""
     _, dA, dB, _ = face_shapes((3, 3))
     a, b = dA @ corner[..., :2], dB @ corner[..., :2]
     return np.asarray((a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0] > 0).any(axis=1))
 
 
 def _counts(corner: Image) -> IntArray:
-    """Samples (g, 2) along a and b, neighbours about a fine pixel apart, in steps of √2."""
+    """Return the numbers of samples (g, 2) along a and b, about a fine pixel apart, in steps of √2."""
     grid = corner[..., :2].reshape(-1, 3, 3, 2)
-    # a parabola runs a little faster than its longer chord
+    # a parabola is slightly longer than its longer chord
     along_a = 2.2 * np.linalg.norm(np.diff(grid, axis=2), axis=-1).max(axis=(1, 2))
     along_b = 2.2 * np.linalg.norm(np.diff(grid, axis=1), axis=-1).max(axis=(1, 2))
     wanted = np.maximum(np.stack([along_a, along_b], axis=1) / SPACING + 1, 4)
@@ -273,9 +275,9 @@ def _counts(corner: Image) -> IntArray:
 def _samples(
     corner: Image, count: tuple[int, int], columns: int, rows: int, edges: bool
 ) -> tuple[IntArray, Image]:
-    """Samples of faces (g, 9, 4) that look at the viewer.
+    """Return samples of faces (g, 9, 4) that face the viewer.
 
-    Returns pixels (q,) and (6, q): depth, normal (three, any length), value, distance to the face's border.
+    The result is pixels (q,) and (6, q): depth, normal (three, any length), value, distance to the face's border.
     """
     N, dA, dB, parameter = face_shapes(count)
     x, y, z, value = (corner[..., i].T for i in range(4))
@@ -293,7 +295,7 @@ def _samples(
 
 @cache
 def face_shapes(count: tuple[int, int]) -> tuple[Image, Image, Image, Image]:
-    """Biquadratic shape functions and slopes (q, 9) at a grid of parameters (q, 2) in [0, 1]."""
+    """Return biquadratic shape functions and slopes (q, 9) at a grid of parameters (q, 2) in [0, 1]."""
     sa, sb = (np.linspace(0, 1, n) for n in count)
     (La, Da), (Lb, Db) = lagrange(sa), lagrange(sb)
     tables = [np.einsum("qb,pa->qpba", v, u).reshape(-1, 9) for u, v in ((La, Lb), (Da, Lb), (La, Db))]

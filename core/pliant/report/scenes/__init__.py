@@ -1,1 +1,1 @@
-"""Bodies in space: what the 3D views of pages show, one file per subject."""
+"""The 3D views of pages, one module per subject."""

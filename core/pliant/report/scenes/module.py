@@ -29,11 +29,11 @@ RAMP = 9  # colours of a colour bar
 
 
 def module_scene(data: FemDataset, law: JointLaw | None = None) -> DrawnScene | None:
-    """The solved piece at each free state, with its mirror images; None where the data hold no shapes to show.
+    """Return the solved piece at each free state, with its mirror images; None where the data have no shapes.
 
     Args:
         data: with the shapes of its free branch.
-        law: fitted to them; free states have no effort, so that what the law gives there is its error.
+        law: fitted to them; free states have no effort, so the law's value there is its error.
     """
     if not can_show(data):
         return None
@@ -76,7 +76,7 @@ def module_scene(data: FemDataset, law: JointLaw | None = None) -> DrawnScene | 
     return DrawnScene(
         "state",
         tuple(free_title(data, shape) for shape in shapes),
-        (skin_of(sections, values),),
+        (section_skin(sections, values),),
         (piece,),
         tuple(colourings),
         np.stack([camera.right, camera.up, camera.toward]),
@@ -86,8 +86,8 @@ def module_scene(data: FemDataset, law: JointLaw | None = None) -> DrawnScene | 
     )
 
 
-def skin_of(sections: Sequence[body.SectionShape], values: Mapping[str, Array]) -> SceneSkin:
-    """Sections at their levels as a skin whose faces are its sides and each of its lids."""
+def section_skin(sections: Sequence[body.SectionShape], values: Mapping[str, Array]) -> SceneSkin:
+    """Return sections at their levels as a skin whose faces are its sides and each of its lids."""
     first = sections[0]
     lids = dict(first.lids)
     sides = ~np.any(list(lids.values()), axis=0) if lids else np.ones(len(first.faces), bool)
@@ -98,25 +98,25 @@ def skin_of(sections: Sequence[body.SectionShape], values: Mapping[str, Array]) 
 
 
 def mirror_signs(mirrors: Sequence[str], planes: str = "xyz") -> list[tuple[int, int, int]]:
-    """Of the piece and its mirror images in those of the planes that it has."""
+    """Return the signs of the piece and its mirror images in those of the planes that it has."""
     ways = [(1, -1) if name in planes and name in mirrors else (1,) for name in "xyz"]
     return [(x, y, z) for x, y, z in product(*ways)]
 
 
 def stretch_colouring(sections: Sequence[body.SectionShape]) -> Colouring:
-    """The largest stretch of the skin, as in the still pictures."""
+    """Return the colouring by the largest stretch of the skin, as in the static pictures."""
     return Colouring(
         STRETCH, "largest stretch of the skin", stretch_limits(sections), ramp(style.stretch_map())
     )
 
 
 def ramp(colours: Colormap) -> tuple[str, ...]:
-    """A colour map as a few colours between which a page interpolates."""
+    """Return a colour map as a few colours between which a page interpolates."""
     return tuple(to_hex(colours(place)) for place in np.linspace(0, 1, RAMP))
 
 
 def _copies(mirrors: Sequence[str]) -> tuple[Copy, ...]:
-    """Whole, with the lids of its ends; and cut open along y = 0 where that is a mirror plane."""
+    """Return the whole module with end lids, and the module cut open along y = 0 if that is a mirror plane."""
     ends = ("end",) if "x" in mirrors else ("start", "end")
     found: list[Copy] = []
     for view, planes, faces in ((WHOLE, "xyz", ("sides", *ends)), (CUT, "xz", ("sides", *ends, "y"))):
@@ -128,6 +128,6 @@ def _copies(mirrors: Sequence[str]) -> tuple[Copy, ...]:
 
 
 def _both(shape: ModuleShape) -> Array:
-    """(2, 1, 3) signs: the shape, and its image in all mirror planes, between which all others lie."""
+    """Return (2, 1, 3) signs: the shape, and its image in all mirror planes, between which all other images are."""
     far = [-1.0 if name in shape.mirrors else 1.0 for name in "xyz"]
     return np.array([[[1.0, 1.0, 1.0]], [far]])

@@ -1,4 +1,4 @@
-"""A robot over the history of its task: modules with their FEM shapes where there are any, else the links as rods."""
+"""A robot over the history of its task: modules with their FEM shapes if there are any, else the links as rods."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.colors import Colormap
 
-from pliant.formatting import Unit, actuation_unit, deformation_unit, display_unit, unit_of
+from pliant.formatting import Unit, actuation_unit, deformation_unit, display_unit, output_unit
+from pliant.pipeline.run_folder import FinishedRun
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant.records.load_frames import LoadFrames
@@ -17,20 +18,19 @@ from pliant.report.chart import ChartAxis
 from pliant.report.figures import body, style
 from pliant.report.figures.finger import ShapedModules, finger_camera, shaped_modules
 from pliant.report.figures.rendering import TRANSPOSED
-from pliant.report.folder import FinishedRun
 from pliant.report.run_view import base_pose, main_axis, module_designs
 from pliant.report.scene import Colouring, Copy, DrawnScene, SceneBody, SceneSkin, ball
-from pliant.report.scenes.module import STRETCH, mirror_signs, ramp, skin_of, stretch_colouring
+from pliant.report.scenes.module import STRETCH, mirror_signs, ramp, section_skin, stretch_colouring
 
 MOST_STATES = 60
-SIDES = 8  # faces about a rod
+SIDES = 8  # faces around a rod
 SLENDER = 0.16  # radius of a rod over the length of a module
 BEND, BAND, APART = "bend", "band", "apart"
 
 
 @dataclass(frozen=True, eq=False)
 class StateError:
-    """How far a model is off in each sample of the first engine's history: in words with a unit, (t,) in it."""
+    """The model's error in each sample of the first engine's history: its words with a unit, and (t,) values in it."""
 
     label: str
     values: Array
@@ -39,14 +39,14 @@ class StateError:
 def robot_scene(
     run: FinishedRun, errors: Sequence[StateError] = (), other: str = "the farthest other engine"
 ) -> DrawnScene | None:
-    """The chain of the first engine over its history, and over its load where the run has other loads too.
+    """Return the chain of the first engine over its history, and over its load if the run has other loads too.
 
-    None without a history, or where contact holds the chain.
+    None without a history, or for a chain in contact.
 
     Args:
-        run: what was simulated.
-        errors: more to colour by.
-        other: what the other engines are called.
+        run: the simulated one.
+        errors: further colourings.
+        other: name of the other engines.
     """
     if not run.engines or run.engines[0].result.stills:
         return None
@@ -88,12 +88,12 @@ def robot_scene(
 
 
 def _words(run: FinishedRun, shown: Rollout, count: int) -> tuple[str, tuple[str, ...]]:
-    """What the slider moves through, and the words of each of its `count` states."""
+    """Return the quantity of the slider, and the words of each of its `count` states."""
     name = run.designs[0].law.actuation_name
     unit, moving = actuation_unit(name), not run.engines[0].result.final.at_rest
     driven = [", ".join(unit.text(float(v), 3) for v in row) for row in shown.actuation[:count]]
     if not moving:
-        return unit_of(name).label if shown.actuation.shape[1] == 1 else "actuation", tuple(driven)
+        return output_unit(name).label if shown.actuation.shape[1] == 1 else "actuation", tuple(driven)
     return "time", tuple(
         f"{t:.3g} s, {p}" for t, p in zip(shown.time_s[:count].tolist(), driven, strict=True)
     )
@@ -107,9 +107,9 @@ def _by_module(
     errors: Sequence[StateError],
     other: str,
 ) -> dict[str, tuple[Colouring, Array]]:
-    """Of each colouring by module its ends and values (states, modules): bend, the law's band, errors, other engines.
+    """Return ends and values (states, modules) of each colouring: bend, the law's band, errors, other engines.
 
-    Under other loads than the run's own neither errors nor other engines are known.
+    Errors and other engines are known only under the run's own load.
     """
     first = run.engines[0].result.rollout
     assert first is not None
@@ -152,7 +152,7 @@ def _coloured(name: str, label: str, unit: Unit, values: Array, colours: Colorma
 
 
 def _band(run: FinishedRun, shown: Rollout) -> Array | None:
-    """(states, modules) half-width of the law's 90 % band over its slope: how far the joint may be off."""
+    """Return (states, modules) half-width of the law's 90 % band over its slope: the uncertainty of the joint."""
     placed = module_designs(run)
     if placed is None or shown.actuation.shape[1] != 1:
         return None
@@ -171,15 +171,15 @@ def _band(run: FinishedRun, shown: Rollout) -> Array | None:
 def _shaped(
     modules: ShapedModules, shown: Rollout, values: Mapping[str, Array]
 ) -> tuple[list[SceneSkin], list[SceneBody], float]:
-    """A skin for each design and a body for each module, and how far its skin is from its axis."""
+    """Return a skin for each design and a body for each module, and the distance of the skin from its axis."""
     angles = shown.joint_angles[:, :, 0]
     placed = [modules.poses(float(p), q) for p, q in zip(shown.actuation[:, 0], angles, strict=True)]
     skins, levels = [], []
     for shapes, sections in zip(modules.shapes, modules.sections, strict=True):
-        order = body.level_of(shapes, 0.0)[0]
+        order = body.level_position(shapes, 0.0)[0]
         ordered = [sections[k] for k in order]
-        skins.append(skin_of(ordered, {STRETCH: np.stack([s.values for s in ordered])}))
-        levels.append(np.array([body.level_of(shapes, float(p))[1] for p in shown.actuation[:, 0]]))
+        skins.append(section_skin(ordered, {STRETCH: np.stack([s.values for s in ordered])}))
+        levels.append(np.array([body.level_position(shapes, float(p))[1] for p in shown.actuation[:, 0]]))
     last, bodies = len(modules.designs) - 1, []
     for number, design in enumerate(modules.designs):
         bodies.append(
@@ -198,7 +198,7 @@ def _shaped(
 
 
 def _module_copies(first: bool, last: bool) -> tuple[Copy, ...]:
-    """Both halves with their mirror images; lids at the ends of the finger alone."""
+    """Return both halves with their mirror images; lids only at the ends of the finger."""
     found = []
     for signs in mirror_signs(("x", "y")):
         found.append(Copy("sides", signs))
@@ -210,7 +210,7 @@ def _module_copies(first: bool, last: bool) -> tuple[Copy, ...]:
 def _rods(
     shown: Rollout, values: Mapping[str, Array], base: Array
 ) -> tuple[list[SceneSkin], list[SceneBody], float]:
-    """Two rods for each joint, to the middle of the links before and behind it."""
+    """Return two rods for each joint, to the middle of the links before and after it."""
     markers = shown.markers_m
     joints = markers[:, 1:-1]
     between = (joints[:, :-1] + joints[:, 1:]) / 2
@@ -236,7 +236,7 @@ def _rods(
 
 
 def _pointing(start: Array, end: Array, base: Array) -> Array:
-    """(3, 3) rotation whose x points from start to end, its y as near to the base's as can be."""
+    """Return (3, 3) the rotation whose x points from start to end, and whose y is as near to the base's as possible."""
     along = end - start
     size = float(np.linalg.norm(along))
     x = along / size if size > 0.0 else base[:, 0]
@@ -247,7 +247,7 @@ def _pointing(start: Array, end: Array, base: Array) -> Array:
 
 
 def _rod(radius: float, longest: float) -> SceneSkin:
-    """A round rod at the lengths 0 and `longest`, with its two ends."""
+    """Return a round rod at the lengths 0 and `longest`, with its two ends."""
     angle = np.linspace(0, 2 * np.pi, 2 * SIDES + 1)
     ring = np.stack([np.zeros_like(angle), radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     shares = np.array([0.0, 0.5, 1.0])
@@ -266,7 +266,7 @@ def _rod(radius: float, longest: float) -> SceneSkin:
 
 
 def _outward(faces: IntArray, points: Array, ring: bool = False, along: float = 0.0) -> IntArray:
-    """The faces, turned over where ∂x/∂a × ∂x/∂b of the first points inward."""
+    """Return the faces, flipped where ∂x/∂a × ∂x/∂b of the first points inward."""
     corner = points[faces[0]]
     normal = np.cross(corner[5] - corner[3], corner[7] - corner[1])
     wanted = corner[4] * [0.0, 1.0, 1.0] if ring else np.array([along, 0.0, 0.0])

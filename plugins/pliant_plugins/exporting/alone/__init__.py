@@ -1,1 +1,1 @@
-"""Modules that are written beside exported files: they run without Pliant, and nothing here imports them."""
+"""Modules that are written into the folder of exported files. They run without Pliant; Pliant never imports them."""

@@ -1,31 +1,35 @@
-"""What makes an exported MJCF move: the joint laws, applied in MuJoCo's passive forces. Needs numpy and mujoco.
+"""Driver of an exported MJCF: applies the joint laws as passive forces of MuJoCo. Needs numpy and mujoco.
 
-    model, data = load()             # the MJCF beside this file, laws installed
+    model, data = load()             # the MJCF in this file's folder, laws installed
     data.ctrl[:] = 12e3              # Pa (N for tendons); actuators are named after their inputs
     settle(model, data)              # equilibrium; or mj_step(model, data) for motion
     print(data.site("tip").xpos)
 
-`install(model)` does the same for a model of your own that includes the file: joints are found by their names. The
-callback is MuJoCo's own (`mjcb_passive`), so viewers and environments see the laws too. A process has one of these,
-and MuJoCo compiles no model while it is set: compile your models first, or call `pause()` before and `resume()` after.
-A law's slope enters as a damping h K that the integrators `implicitfast` and `implicit` take to the end of the step,
-which keeps large steps stable and leaves every equilibrium where it is.
+`python <this file> --check` replays the check file in its folder: poses, efforts and equilibria of the study.
+`install(model)` does as `load` for a model of your own that includes the file: joints are found by their names.
+The callback is MuJoCo's own (`mjcb_passive`), so viewers and environments see the laws too. A process has one of these,
+and MuJoCo cannot compile a model while it is set: compile your models first, or call `pause()` before and `resume()`
+after. A law's slope enters as a damping h K that the integrators `implicitfast` and `implicit` take to the end of the
+step, which keeps large steps stable and does not change equilibria.
 """
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-# What the export fills in: the file, a function for each law, how many actuations it takes, its domain; the arms.
+# Filled in by the export: the file, a function for each law, its number of actuations, its domain; the arms.
 LAWS: list[Any] = []
 TAKES: list[int] = []
 ARMS: list[dict[str, Any]] = []
 DOMAINS: list[np.ndarray] = []
 MJCF = "robot.xml"
+START: dict[str, dict[str, float]] = {"joints": {}, "ctrl": {}}
 
 # --- the driver: everything below is the same in every export ---
 _installed: dict[int, tuple[mujoco.MjModel, list[_Arm]]] = {}
@@ -35,7 +39,7 @@ SETTLE_STEP_S = 0.02
 
 
 def load(path: str | Path | None = None) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """The model of the MJCF file (by default the one beside this module) with its laws, and its data."""
+    """Load the MJCF file (by default the one in this module's folder) and install its laws; return model and data."""
     pause()
     model = mujoco.MjModel.from_xml_path(str(path or Path(__file__).with_name(MJCF)))
     install(model)
@@ -45,10 +49,11 @@ def load(path: str | Path | None = None) -> tuple[mujoco.MjModel, mujoco.MjData]
 def mount(
     onto: str | Path, at: str, prefix: str = "soft_", path: str | Path | None = None
 ) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """This robot on a named site or body of another MJCF, in one model with its laws, and its data.
+    """Mount this robot on a named site or body of another MJCF; return the model with its laws and its data.
 
-    The world of this file becomes the frame of the site or body, so that the study's `chain.base` says how the robot
-    stands there. All its names get the prefix. The integrator becomes `implicitfast`, which the laws need.
+    The world of this file becomes the frame of the site or body, so that the study's `chain.base` is the robot's pose
+    in it. All its names get the prefix. The integrator becomes `implicitfast`, which the laws need. The other file
+    begins at its first keyframe, and its joints and actuators where the study put them (`START`).
     """
     pause()
     whole = mujoco.MjSpec.from_file(str(onto))
@@ -68,11 +73,26 @@ def mount(
     model = whole.compile()
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     install(model, prefix)
-    return model, mujoco.MjData(model)
+    return model, _at_start(model)
+
+
+def _at_start(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return the data of a model at its first keyframe, named joints and actuators as the study has them."""
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    joints = {model.joint(k).name: int(model.jnt_qposadr[k]) for k in range(model.njnt)}
+    for name, value in START["joints"].items():
+        if name in joints:
+            data.qpos[joints[name]] = value
+    for k in range(model.nu):
+        data.ctrl[k] = START["ctrl"].get(model.actuator(k).name, data.ctrl[k])
+    mujoco.mj_forward(model, data)
+    return data
 
 
 def install(model: mujoco.MjModel, prefix: str = "") -> None:
-    """Let the laws act in this model from now on; `prefix` stands before all names if the file was attached."""
+    """Install the laws in this model; `prefix` is that of all names if the file was attached."""
     _installed[id(model)] = (model, [_Arm(model, arm, prefix) for arm in ARMS])
     resume()
 
@@ -94,12 +114,12 @@ def settle(
     most_steps: int = 20_000,
     step_s: float = SETTLE_STEP_S,
 ) -> bool:
-    """Move to the static equilibrium under the present `data.ctrl` and loads; whether it was reached.
+    """Move to the static equilibrium under the present `data.ctrl` and loads; return whether it was reached.
 
-    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down. Slides beside balls are
-    stiff: they keep their implicit damping, step times stiffness, and creep to their places. `tolerance` is the largest
-    unbalanced effort, N·m (N on slides). Stiff servos of an arm that the robot is mounted on need their own short
-    `step_s`.
+    Kinetic damping: the chain swings freely and is halted whenever it begins to slow down. Slides combined with balls
+    are stiff: they keep their implicit damping, step times stiffness, and approach their equilibrium slowly.
+    `tolerance` is the largest unbalanced effort, N·m (N on slides). Stiff servos of an arm that the robot is mounted on
+    need their own short `step_s`.
     """
     usual_s, model.opt.timestep = model.opt.timestep, step_s
     before = 0.0
@@ -108,7 +128,7 @@ def settle(
         for _ in range(most_steps):
             mujoco.mj_step(model, data)
             energy = float(data.qvel @ data.qvel)
-            if energy < before:
+            if energy <= before:
                 data.qvel[:] = 0.0
                 mujoco.mj_forward(model, data)
                 energy = 0.0
@@ -123,11 +143,62 @@ def settle(
 
 
 def outside(model: mujoco.MjModel, data: mujoco.MjData) -> list[str]:
-    """Names of joints whose law has no data where they stand."""
+    """Return the names of joints whose law has no data at their position."""
     found: list[str] = []
     for arm in _installed[id(model)][1]:
         found += arm.outside(data)
     return found
+
+
+def check(path: str | Path | None = None) -> list[str]:
+    """Return sentences on deviations of this robot from the study's predictions, by the check file in this folder."""
+    file = Path(path) if path else Path(__file__).with_name(f"{MJCF}.check.json")
+    said = json.loads(file.read_text(encoding="utf-8"))
+    model, data = load()
+    found = [] if said["states"] else [f"{file.name} has no states of a robot"]
+    for state in said["states"]:
+        name, near = state["name"], said["tolerance"]
+        off = _posed(model, data, state)
+        found += [f"{name}: {what} {off[what]:.3g}" for what in off if not off[what] <= near[f"same_{what}"]]
+        if state["equilibrium"]:
+            away = _away(model, data, state)
+            found += [] if away <= near["tip_m"] else [f"{name}: the tip settles {1e3 * away:.3g} mm away"]
+    return found
+
+
+def _posed(model: mujoco.MjModel, data: mujoco.MjData, state: dict[str, Any]) -> dict[str, float]:
+    """Return the deviations of tip, attitude and efforts from those of a state, at its coordinates."""
+    mujoco.mj_resetData(model, data)
+    arm = _commanded(model, data, state)
+    arm.place(data, np.array(state["coordinates"]))
+    mujoco.mj_forward(model, data)
+    tip, efforts = data.site(state["prefix"] + "tip"), np.array(state["efforts"])
+    turned = tip.xmat.reshape(3, 3) @ np.array(state["tip_rotation"]).T
+    return {
+        "tip_m": float(np.linalg.norm(tip.xpos - state["tip_m"])),
+        "rotation": float(np.abs(turned - np.eye(3)).max()),
+        "efforts_of_largest": float(
+            np.abs(arm.efforts(data)[1] - efforts).max() / (np.abs(efforts).max() or 1.0)
+        ),
+    }
+
+
+def _away(model: mujoco.MjModel, data: mujoco.MjData, state: dict[str, Any]) -> float:
+    """Return the distance of the settled tip from the state's, in m; infinite if it does not settle."""
+    mujoco.mj_resetData(model, data)
+    _commanded(model, data, state)
+    data.xfrc_applied[model.body(state["prefix"] + "tip").id, :3] = state["tip_force_n"]
+    if not settle(model, data):
+        return float("inf")
+    return float(np.linalg.norm(data.site(state["prefix"] + "tip").xpos - state["tip_m"]))
+
+
+def _commanded(model: mujoco.MjModel, data: mujoco.MjData, state: dict[str, Any]) -> _Arm:
+    """Set the inputs of a state and return its arm."""
+    for name, value in state["inputs"].items():
+        data.ctrl[model.actuator(state["prefix"] + name).id] = value
+    arms = _installed[id(model)][1]
+    return next(arm for arm in arms if arm.names[0] == state["prefix"] + "joint_1")
 
 
 def _passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -158,14 +229,14 @@ class _Arm:
         model.jnt_stiffness[joints] = 0.0  # the file's stiffness at rest: the laws have it
 
     def coordinates(self, data: mujoco.MjData) -> np.ndarray:
-        """(n, a) joint coordinates: angles, rotation vectors, extensions behind them or alone."""
+        """Return (n, a) joint coordinates: angles, rotation vectors, with extensions or extensions alone."""
         if not self.ball:
             return data.qpos[self.qpos]
         found = data.qpos[self.qpos]
         return np.hstack([_rotation_vectors(found[:, :4]), found[:, 4:]])[:, self.axes]
 
     def acting(self, u: np.ndarray, values: np.ndarray) -> Any:
-        """For each group of joints and each law on it: joints, law, actuation, deformation, turn."""
+        """Yield joints, law, actuation, deformation and turn of each group of joints and each law on it."""
         for law, joints, drives in self.groups:
             if TAKES[law] > 1:
                 yield joints, law, np.tile(values[drives], (len(joints), 1)), u[joints], np.eye(self.shape[1])
@@ -173,14 +244,29 @@ class _Arm:
             for value, turn in zip(values[drives], self.turns[drives], strict=True):
                 yield joints, law, np.full(len(joints), value), u[joints] @ turn, turn
 
-    def push(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Add the efforts of the laws to the passive forces, and their slopes to the damping."""
+    def place(self, data: mujoco.MjData, u: np.ndarray) -> None:
+        """Put the joints at coordinates (n, a)."""
+        if not self.ball:
+            data.qpos[self.qpos] = u
+            return
+        whole = self._vectors(u)
+        length = np.linalg.norm(whole[:, :3], axis=1, keepdims=True)
+        part = np.divide(np.sin(0.5 * length), length, out=np.full_like(length, 0.5), where=length > 0.0)
+        data.qpos[self.qpos] = np.hstack([np.cos(0.5 * length), part * whole[:, :3], whole[:, 3:]])
+
+    def efforts(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return coordinates (n, a), the laws' efforts (n, a) and their slopes (n, a, a)."""
         u = self.coordinates(data)
         tau, slopes = np.zeros(self.shape), np.zeros((*self.shape, self.shape[1]))
         for joints, law, p, turned, turn in self.acting(u, data.ctrl[self.inputs]):
             effort, _, slope = LAWS[law](p, turned)
             tau[joints] += effort @ turn.T
             slopes[joints] += turn @ slope @ turn.T
+        return u, tau, slopes
+
+    def push(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Add the efforts of the laws to the passive forces, and their slopes to the damping."""
+        u, tau, slopes = self.efforts(data)
         slopes = np.abs(slopes + slopes.transpose(0, 2, 1)) * self.reach
         implicit = model.opt.timestep * slopes.sum(axis=2) / self.reach / 2
         if self.ball:
@@ -196,7 +282,7 @@ class _Arm:
         model.dof_damping[self.dofs] = self.damping + implicit
 
     def outside(self, data: mujoco.MjData) -> list[str]:
-        """Names of joints whose law has no data where they stand."""
+        """Return the names of joints whose law has no data at their position."""
         found: set[int] = set()
         for joints, law, p, u, _ in self.acting(self.coordinates(data), data.ctrl[self.inputs]):
             at, domain = np.column_stack([p, u]), DOMAINS[law]
@@ -210,7 +296,7 @@ class _Arm:
 
 
 def _rotation_vectors(q: np.ndarray) -> np.ndarray:
-    """(n, 3) rotation vectors of unit quaternions (n, 4) of either sign."""
+    """Return (n, 3) rotation vectors of unit quaternions (n, 4) of either sign."""
     q = np.where(q[:, :1] < 0.0, -q, q)
     length = np.linalg.norm(q[:, 1:], axis=1, keepdims=True)
     ratio = np.divide(2.0 * np.arctan2(length, q[:, :1]), length, out=2.0 / q[:, :1], where=length > 1e-9)
@@ -218,7 +304,7 @@ def _rotation_vectors(q: np.ndarray) -> np.ndarray:
 
 
 def _right_jacobian_inverse(phi: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) rate of the rotation vector per angular velocity in the child's frame (what MuJoCo's qvel is)."""
+    """Return (n, 3, 3) rates of the rotation vector per angular velocity in the child's frame (MuJoCo's qvel)."""
     square = np.einsum("ni,ni->n", phi, phi)
     theta = np.sqrt(square)
     small = theta < SMALL_ANGLE
@@ -231,3 +317,11 @@ def _right_jacobian_inverse(phi: np.ndarray) -> np.ndarray:
     skew[:, 1, 0], skew[:, 2, 0], skew[:, 2, 1] = z, -y, x
     outer = phi[:, :, None] * phi[:, None, :] - square[:, None, None] * np.eye(3)
     return np.eye(3) + 0.5 * skew + d[:, None, None] * outer
+
+
+if __name__ == "__main__":
+    if "--check" not in sys.argv:
+        sys.exit(f"{__doc__}")
+    differences = check()
+    print("\n".join(differences) or "It does what the study predicts.")
+    sys.exit(1 if differences else 0)

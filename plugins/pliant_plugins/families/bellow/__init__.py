@@ -1,1 +1,1 @@
-"""What the bellow families share: the wall's profile, revolved meshes, collision shapes."""
+"""Common parts of the bellow families: the wall's profile, revolved meshes, collision shapes."""

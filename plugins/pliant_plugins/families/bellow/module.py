@@ -7,7 +7,7 @@ from functools import cached_property
 
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of, half_cylinders
+from pliant.families import Need, QuarterModule, design_geometry, half_cylinders
 from pliant.interfaces.family import FamilyConfig
 from pliant.records.shape import HalfShapes
 from pliant.units import Length
@@ -29,12 +29,12 @@ class MidSurfaceBellow(QuarterModule):
     @cached_property
     def geometry(self) -> BellowProfile:
         """The profile."""
-        return geometry_of(self.config, BellowProfile)
+        return design_geometry(self.config, BellowProfile)
 
     def needs(self) -> Iterator[Need]:
         return self.geometry.mid_surface_needs()
 
     def shapes(self) -> HalfShapes:
-        """Cylinders around the crests of the halves; into troughs nothing reaches that is larger than a module."""
+        """Return cylinders around the crests of the halves; no object larger than a module enters the troughs."""
         radius = self.geometry.crest_radius_m + self.geometry.wall_m / 2
         return half_cylinders(self.module_length_m, radius, self.offset_m)

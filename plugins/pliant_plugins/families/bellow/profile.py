@@ -2,8 +2,8 @@
 
 Half a convolution runs from mid-crest (x = 0) to mid-trough (x = l/2). The profile is a quarter circle of radius
 a = l/4 at the crest (radius Rc = 2R − r), a straight radial flank and a quarter circle at the trough (radius r).
-`depth` is the distance outward along the profile's normal. Where the wall lies, beside the profile or on both of
-its sides, is the family's choice. Source of the shape: Yao, Howard, Maiolino (2026), doi 10.1002/aisy.70406.
+`depth` is the distance outward along the profile's normal. The family chooses the position of the wall: on one side of
+the profile or on both. Source of the shape: Yao, Howard, Maiolino (2026), doi 10.1002/aisy.70406.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class BellowProfile:
         return flank if flank > 1e-6 * self.module_length_m else 0.0
 
     def wall_volume(self, inner: float, outer: float) -> float:
-        """Volume (m³) of one module's wall between two offsets of the profile, in closed form.
+        """Return volume (m³) of one module's wall between two offsets of the profile, in closed form.
 
         Pappus: ∫ 2π ρ dA over two crest arcs, two flanks and two trough arcs. With inner = −t/2, outer = t/2
         (the profile as mid-surface) it is the published bellow volume 2 (V1 + V2 + V3).
@@ -65,7 +65,7 @@ class BellowProfile:
         return float(4 * np.pi * (trough + flank + crest))
 
     def enclosed_volume(self, depth: float = 0.0) -> float:
-        """Volume (m³) inside one module's profile at an offset, by Pappus' theorem over its parts.
+        """Return volume (m³) inside one module's profile at an offset, by Pappus' theorem over its parts.
 
         With centres c = Rc − a (crest) and b = r + a (trough), ∫ρ² dx is exact over each quarter circle.
         """
@@ -76,23 +76,23 @@ class BellowProfile:
         return float(2 * np.pi * (crest + trough))
 
     def crest(self, angle: Array, depth: Array) -> tuple[Array, Array]:
-        """(x, radius) on the crest's arc, `angle` from 0 at mid-crest to π/2."""
+        """Return (x, radius) on the crest's arc, `angle` from 0 at mid-crest to π/2."""
         arc = self.arc_radius_m
         return (arc + depth) * np.sin(angle), self.crest_radius_m - arc + (arc + depth) * np.cos(angle)
 
     def flank(self, fraction: Array, depth: Array) -> tuple[Array, Array]:
-        """(x, radius) on the flank, `fraction` from 0 at the crest to 1 at the trough."""
+        """Return (x, radius) on the flank, `fraction` from 0 at the crest to 1 at the trough."""
         outer = self.crest_radius_m - self.arc_radius_m
         return self.arc_radius_m + depth + 0 * fraction, outer - self.flank_m * fraction + 0 * depth
 
     def trough(self, angle: Array, depth: Array) -> tuple[Array, Array]:
-        """(x, radius) on the trough's arc, `angle` from 0 at the flank to π/2 at mid-trough."""
+        """Return (x, radius) on the trough's arc, `angle` from 0 at the flank to π/2 at mid-trough."""
         arc = self.arc_radius_m
         x = self.half_length_m - (arc - depth) * np.cos(angle)
         return x, self.inner_radius_m + arc - (arc - depth) * np.sin(angle)
 
     def radius_at(self, x: Array, depth: float) -> Array:
-        """Radius of the profile at an offset, by x ∈ [0, l/2] from mid-crest."""
+        """Return radius of the profile at an offset, by x ∈ [0, l/2] from mid-crest."""
         wide, narrow = self.arc_radius_m + depth, self.arc_radius_m - depth
         crest = self.crest_radius_m - self.arc_radius_m + np.sqrt(np.maximum(wide**2 - x**2, 0.0))
         left = self.half_length_m - x
@@ -100,12 +100,12 @@ class BellowProfile:
         return np.where(x < wide, crest, trough)
 
     def profile_needs(self) -> Iterator[Need]:
-        """What a profile of lengths above 0 keeps besides."""
+        """Yield the conditions of a profile besides positive lengths."""
         arcs = "average_radius − inner_radius ≥ module_length/4 (room for the arcs)"
         yield Need(arcs, self.average_radius_m - self.inner_radius_m, self.arc_radius_m)
 
     def mid_surface_needs(self) -> Iterator[Need]:
-        """`profile_needs`, and what a wall from −t/2 to t/2 about the profile needs."""
+        """Yield `profile_needs`, and the conditions of a wall from −t/2 to t/2 about the profile."""
         yield from self.profile_needs()
         half = self.wall_m / 2
         yield Need("module_length/4 > wall/2 (or the arcs' inner side collapses)", self.arc_radius_m, half)

@@ -20,7 +20,7 @@ from pliant_plugins.families.bellow.profile import BellowProfile
 class RevolvedCounts:
     """Elements along each edge: each arc, flank, a quarter turn about the axis, through the wall.
 
-    Two through the wall: with one, bending of the flanks comes out 10 % too soft.
+    Two through the wall: with one, bending of the flanks is 10 % too soft.
     """
 
     arc: int
@@ -29,14 +29,16 @@ class RevolvedCounts:
     wall: int
 
     @staticmethod
-    def of(profile: BellowProfile, refinement: int, arc: int = 2, quarter: int = 3) -> RevolvedCounts:
-        """Counts of a design: all given but the flank's, which follows its length."""
+    def from_profile(
+        profile: BellowProfile, refinement: int, arc: int = 2, quarter: int = 3
+    ) -> RevolvedCounts:
+        """Return counts of a design: all given but the flank's, which follows its length."""
         flank = int(np.ceil(profile.flank_m / (0.7 * profile.module_length_m)))
         return RevolvedCounts(*(refinement * n for n in (arc, flank, quarter, 2)))
 
 
 def half_profile(profile: BellowProfile, counts: RevolvedCounts) -> tuple[Array, Array]:
-    """x and radius [i, k] of the wall from mid-crest to mid-trough, k through the wall from the cavity."""
+    """Return x and radius [i, k] of the wall from mid-crest to mid-trough, k through the wall from the cavity."""
     depth = profile.wall_m * np.linspace(-0.5, 0.5, 2 * counts.wall + 1)
     arc = np.linspace(0, np.pi / 2, 2 * counts.arc + 1)[:, None]
     parts = [profile.crest(arc, depth)]
@@ -51,7 +53,7 @@ def half_profile(profile: BellowProfile, counts: RevolvedCounts) -> tuple[Array,
 def sector(
     profile: BellowProfile, counts: RevolvedCounts, quarters: int, axis_height_m: float = 0.0
 ) -> ModuleMesh:
-    """Half a module, x ∈ [0, l/2] from mid-crest to mid-trough, φ from 0 to 1 or 2 quarter turns.
+    """Return half a module, x ∈ [0, l/2] from mid-crest to mid-trough, φ from 0 to 1 or 2 quarter turns.
 
     Node sets: `start` (x = 0), `end` (x = l/2), `symmetry` (y = 0), `level` (the plane z = axis height where one
     quarter ends there), `pin` (the trough's inner node at φ = 0).
@@ -70,7 +72,7 @@ def sector(
 
 
 def ring(profile: BellowProfile, counts: RevolvedCounts, axis_height_m: float = 0.0) -> ModuleMesh:
-    """A whole module, x ∈ [0, l] from mid-trough over the crest to mid-trough, the full circumference.
+    """Return a whole module, x ∈ [0, l] from mid-trough over the crest to mid-trough, the full circumference.
 
     Node sets: `start` and `end`, whose nodes correspond in order, and `crest`, the section at mid-module.
     """
@@ -86,7 +88,7 @@ def ring(profile: BellowProfile, counts: RevolvedCounts, axis_height_m: float = 
 
 
 def _revolved(x: Array, radius: Array, phi: Array, axis_height_m: float) -> Array:
-    """Positions [i, j, k, 3] of profile points [i, k] at angles [j]."""
+    """Return positions [i, j, k, 3] of profile points [i, k] at angles [j]."""
     shape = (x.shape[0], len(phi), x.shape[1])
     y = radius[:, None] * np.sin(phi)[:, None]
     z = axis_height_m - radius[:, None] * np.cos(phi)[:, None]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of, half_cylinders
+from pliant.families import Need, QuarterModule, design_geometry, half_cylinders
 from pliant.interfaces.family import FamilyConfig
 from pliant.records.fem import ModuleMesh
 from pliant.records.shape import HalfShapes, Shape
@@ -43,7 +43,7 @@ class BellowBending(QuarterModule):
     @cached_property
     def geometry(self) -> BellowGeometry:
         """The profile, and the plate."""
-        return geometry_of(self.config, BellowGeometry)
+        return design_geometry(self.config, BellowGeometry)
 
     def needs(self) -> Iterator[Need]:
         return self.geometry.needs()
@@ -52,11 +52,11 @@ class BellowBending(QuarterModule):
         return build_mesh(self.geometry, refinement)
 
     def structure(self, modules: int, refinement: int = 1) -> StructureProblem:
-        """`modules` of them as one body."""
+        """Return `modules` modules as one body."""
         return build_structure(self.geometry, modules, refinement)
 
     def shapes(self) -> HalfShapes:
-        """For each half a box, the plate, 2R wide and 2t thick, and a cylinder around the crests, of radius Rc + t.
+        """Return for each half a box, the plate, 2R wide and 2t thick, and a cylinder of radius Rc + t.
 
         Pressure turns the tip toward −z: the plate's face z = −t is the side that grips.
         """

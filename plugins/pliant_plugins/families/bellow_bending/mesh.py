@@ -1,6 +1,6 @@
 """The bending bellow as a solid and as structured 27-node hexahedra of half a convolution, y ≥ 0.
 
-The wall lies outside the profile, with thickness t along its normal. A solid plate, 2t thick and 2R wide, is
+The wall is outside the profile, with thickness t along its normal. A solid plate, 2t thick and 2R wide, is
 fused to the crests: it reaches from z = −Rc to z = −Rc − 2t below the tube's axis.
 Source of the shape: Yao, Howard, Maiolino (2026), doi 10.1002/aisy.70406.
 
@@ -33,7 +33,7 @@ from pliant.records.structure import StructureProblem
 from pliant_plugins.families.bellow.profile import BellowProfile
 
 SQUIRCLE = 0.42  # β
-WIDEST_FOOT = 0.85  # of R: what lies beyond belongs to the plate's side strip
+WIDEST_FOOT = 0.85  # of R: the rest belongs to the plate's side strip
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,17 @@ class BellowGeometry(BellowProfile):
         return self.crest_radius_m + self.wall_m
 
     def needs(self) -> Iterator[Need]:
-        """What lengths above 0 keep besides."""
+        """Yield the conditions besides positive lengths."""
         yield from self.profile_needs()
         outside = "module_length/4 > wall (or the trough's outer arc collapses)"
         yield Need(outside, self.arc_radius_m, self.wall_m)
 
     def plate_volume(self) -> float:
-        """Volume (m³) of one module's plate, 2t · 2R · l."""
+        """Return volume (m³) of one module's plate, 2t · 2R · l."""
         return 2 * self.wall_m * 2 * self.average_radius_m * self.module_length_m
 
     def overlap_volume(self, points: int = 64) -> float:
-        """Volume (m³) that wall and plate of one module share: the crest sunk into the plate.
+        """Return volume (m³) that wall and plate of one module share: the crest sunk into the plate.
 
         At x the wall's outer radius is ρ(x) = Rc − a + √((a + t)² − x²); the circle's segment beyond z = −Rc,
         cut at |y| ≤ R, is integrated over x by Gauss quadrature in the arc's angle.
@@ -75,11 +75,11 @@ class BellowGeometry(BellowProfile):
         return float(2 * np.sum(weight * area * dx))
 
     def solid_volume(self) -> float:
-        """Volume (m³) of one module's material: wall and plate, their overlap counted once."""
+        """Return volume (m³) of one module's material: wall and plate, their overlap counted once."""
         return self.wall_volume(0.0, self.wall_m) + self.plate_volume() - self.overlap_volume()
 
     def cavity_volume(self) -> float:
-        """Volume (m³) of one module's cavity."""
+        """Return volume (m³) of one module's cavity."""
         return self.enclosed_volume(0.0)
 
 
@@ -99,8 +99,8 @@ class BendingCounts:
     side: int
 
     @staticmethod
-    def of(geometry: BellowGeometry, refinement: int) -> BendingCounts:
-        """Counts of a design: all fixed but the flank's, which follows its length."""
+    def from_geometry(geometry: BellowGeometry, refinement: int) -> BendingCounts:
+        """Return counts of a design: all fixed but the flank's, which follows its length."""
         flank = int(np.ceil(geometry.flank_m / (0.2 * geometry.module_length_m)))
         base = (2, 2, flank, 3, 3, 7, 1, 1, 2, 1)
         return BendingCounts(*(refinement * n for n in base))
@@ -111,7 +111,7 @@ def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
 
     Node sets: `start` (x = 0), `end` (x = l/2), `symmetry` (y = 0), `pin` (the origin's node).
     """
-    counts = BendingCounts.of(geometry, refinement)
+    counts = BendingCounts.from_geometry(geometry, refinement)
     wall = _wall(geometry, counts)
     foot = (2 * counts.foot_x + 1, 2 * counts.foot_y + 1)
     plate = _plate(geometry, counts, wall[: foot[0], : foot[1], -1])
@@ -132,7 +132,7 @@ def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
 
 
 def _wall(geometry: BellowGeometry, counts: BendingCounts) -> Array:
-    """Wall nodes [i, j, k, 3] in the module frame."""
+    """Return wall nodes [i, j, k, 3] in the module frame."""
     alpha, phi = _crest_angles(geometry, counts)
     depth = geometry.wall_m * np.linspace(0, 1, 2 * counts.wall + 1)
     x, radius = geometry.crest(alpha[..., None], depth)
@@ -155,7 +155,7 @@ def _wall(geometry: BellowGeometry, counts: BendingCounts) -> Array:
 
 
 def _spread(x: Array, radius: Array, phi: Array) -> tuple[Array, Array, Array]:
-    """Profile points [i, k] repeated around the axis: x and radius [i, j, k], angles [i, j]."""
+    """Return profile points [i, k] repeated around the axis: x and radius [i, j, k], angles [i, j]."""
     shape = (x.shape[0], len(phi), x.shape[1])
     return (
         np.broadcast_to(x[:, None], shape),
@@ -165,7 +165,7 @@ def _spread(x: Array, radius: Array, phi: Array) -> tuple[Array, Array, Array]:
 
 
 def _crest_angles(geometry: BellowGeometry, counts: BendingCounts) -> tuple[Array, Array]:
-    """Angles [i, j] of the crest's nodes: α along the arc, φ around the axis from the plate."""
+    """Return angles [i, j] of the crest's nodes: α along the arc, φ around the axis from the plate."""
     a, t, Rc = geometry.arc_radius_m, geometry.wall_m, geometry.crest_radius_m
     i1, j1 = 2 * counts.foot_x, 2 * counts.foot_y
     i, j = np.arange(i1 + 2 * counts.shoulder + 1)[:, None], np.arange(j1 + 2 * counts.around + 1)[None]
@@ -181,14 +181,14 @@ def _crest_angles(geometry: BellowGeometry, counts: BendingCounts) -> tuple[Arra
 
 
 def _foot_width(geometry: BellowGeometry) -> float:
-    """Largest Q of the foot: 1, or less where the crest is wider than the plate can carry."""
+    """Return largest Q of the foot: 1, or less where the crest is wider than the plate can carry."""
     t, Rc = geometry.wall_m, geometry.crest_radius_m
     sine = WIDEST_FOOT * geometry.average_radius_m / (Rc + t)
     return float(min(1.0, np.sqrt((Rc / np.sqrt(1 - sine**2) - Rc) / t)))
 
 
 def _plate(geometry: BellowGeometry, counts: BendingCounts, foot: Array) -> Array:
-    """Plate nodes [I, J, m, 3]: columns that hang from the foot and, beside it, from the top plane."""
+    """Return the plate's nodes [I, J, m, 3]: columns below the foot and, outside it, below the top plane."""
     t, half, R = geometry.wall_m, geometry.half_length_m, geometry.average_radius_m
     edge_x, edge_y = foot[-1], foot[:, -1]  # the foot's far edges along x and along y
     f = np.linspace(0, 1, 2 * counts.overhang + 1)[1:, None, None]
@@ -217,9 +217,9 @@ NEAR = 1e-6  # of the module: nodes nearer than this lie on a line
 
 
 def build_structure(geometry: BellowGeometry, modules: int, refinement: int = 1) -> StructureProblem:
-    """Modules in a row as one body, clamped at the base, closed at the tip by a plate of the same rubber.
+    """Build modules in a row as one body, clamped at the base, closed at the tip by a plate of the same rubber.
 
-    The body lies on x ∈ [0, N l + cap], half its width, y ≥ 0; the section x = 0 (mid-trough) is clamped all over.
+    The body occupies x ∈ [0, N l + cap], half its width, y ≥ 0; the section x = 0 (mid-trough) is clamped all over.
 
     The tip's force acts on the plate's mid-plane at the end of the last module, across its width, so that its line
     of action is that of the chain's tip.

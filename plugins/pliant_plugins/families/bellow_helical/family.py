@@ -1,9 +1,9 @@
 """The helical bellow as an `ActuatorFamily`, and its parameters.
 
-The inner constraint as a body is the rod that the study's masses hold. Its diameter is R − t and it touches the line at
-the distance r below the tube's axis. That gives the published module masses within 0.06 %, counting what lies in the
-wall once; as a solid its stiffness does not fit, so that the FEM knows the constraint by its line, width and stiffness
-alone. In its mass: the part of the rod inside the cavity.
+The inner constraint as a body is the rod that the study's masses contain. Its diameter is R − t and it touches the line
+at the distance r below the tube's axis. That gives the published module masses within 0.06 %, if its volume inside the
+wall is counted once; as a solid its stiffness does not fit, so that the FEM represents the constraint by its line,
+width and stiffness alone. Its mass is that of the part of the rod inside the cavity.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ class BellowHelicalConfig(MidSurfaceConfig):
 class BellowHelical(MidSurfaceBellow):
     """One design of the helical bellow.
 
-    A module runs from mid-trough to mid-trough. Its joint lies at mid-crest on the constraint's line, which is the
+    A module runs from mid-trough to mid-trough. Its joint is at mid-crest on the constraint's line, which is the
     module frame's x axis and the reference line of the FEM: there bending leaves the length unchanged. The study's
-    chain puts its hinge at r from the tube's axis; the fitted constraint lies a little nearer (0.825 r), and the
-    joint follows the FEM. The chain's centre line, the tube's axis, is `offset_m` above.
+    chain puts its hinge at r from the tube's axis; the fitted constraint is slightly nearer (0.825 r), and the joint
+    follows the FEM. The chain's centre line, the tube's axis, is `offset_m` above.
 
     Sections at mid-trough and mid-crest stay plane and keep their shape, as between rigid connectors: of the end
-    conditions tried this one explains the published bending curves (benchmarks/families/helical.py). The
-    constraint holds the troughs on its line; crests shift across it freely.
+    conditions tried this one reproduces the published bending curves (benchmarks/families/helical.py). The constraint
+    fixes the troughs to its line; crests shift across it freely.
     """
 
     joint: ClassVar[JointKind] = "spherical"
@@ -85,7 +85,7 @@ class BellowHelical(MidSurfaceBellow):
     config: BellowHelicalConfig
 
     def needs(self) -> Iterator[Need]:
-        """The profile's, and that the constraint lies within the trough."""
+        """Yield the profile's conditions and those that keep the constraint inside the trough."""
         yield from super().needs()
         outer, offset = self.geometry.inner_radius_m + self.geometry.wall_m / 2, self.offset_m
         yield Need("constraint_offset < inner_radius + wall/2 (it lies within the trough)", offset, outer)
@@ -109,11 +109,12 @@ class BellowHelical(MidSurfaceBellow):
         return WIDTH * rod_chord(self.geometry, self.offset_m)
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """For y alone half a module, half its width; otherwise the whole module from trough to trough.
+        """Return the FEM problem: for y alone half a module, half its width; otherwise the whole module from trough to
+        trough.
 
-        The half, x ∈ [0, l/2] from mid-crest, y ≥ 0, turns by half the joint's angle and holds a quarter of its
-        energy. The whole module is meshed from x = 0 at its start, l/2 before the joint. Its end section either
-        turns about the joint's line or, with `twist_pivot` free, may also shift along y as one.
+        The half, x ∈ [0, l/2] from mid-crest, y ≥ 0, turns by half the joint's angle and has a quarter of its energy.
+        The whole module is meshed from x = 0 at its start, l/2 before the joint. Its end section either turns about the
+        joint's line or, with `twist_pivot` free, may also shift along y as one.
         """
         return self._half_module(refinement) if axes == ("y",) else self._whole(refinement, axes or ALL)
 
@@ -139,7 +140,7 @@ class BellowHelical(MidSurfaceBellow):
         if self._rigid_crest:
             fixed, tied = {**fixed, "crest": (0,)}, {**tied, "crest": (1, 2)}
         return self.piece(
-            ring(self.geometry, RevolvedCounts.of(self.geometry, refinement), self.offset_m),
+            ring(self.geometry, RevolvedCounts.from_profile(self.geometry, refinement), self.offset_m),
             span_m=self.module_length_m,
             deformation_scale=1.0,
             energy_scale=1.0,
@@ -153,12 +154,14 @@ class BellowHelical(MidSurfaceBellow):
 
     @property
     def _closing(self) -> Closing:
-        """Where the outermost fibre keeps a share `CLOSED` of its length: beyond, the module locks."""
+        """Return the limit at which the outermost fibre has the share `CLOSED` of its length; beyond it the module
+        locks.
+        """
         outer = 2 * self.config.average_radius_m - self.config.inner_radius_m + self.config.wall_m
         return Closing(outer, self.offset_m, (1 - CLOSED) * self.module_length_m)
 
     def mesh(self, refinement: int = 1) -> ModuleMesh:
-        counts = RevolvedCounts.of(self.geometry, refinement)
+        counts = RevolvedCounts.from_profile(self.geometry, refinement)
         return sector(self.geometry, counts, quarters=2, axis_height_m=self.offset_m)
 
     @property
@@ -167,21 +170,21 @@ class BellowHelical(MidSurfaceBellow):
         return float(2 * thread_points(self.geometry)[1].sum())
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves: the wall by quadrature over the mesh, and the constraint."""
+        """Return masses of the two halves: the wall by quadrature over the mesh, and the constraint."""
         wall = super().mass(density_kg_m3, regions)
         thread = thread_mass(self.geometry, density_kg_m3, self.offset_m)
         return ModuleMass(wall.start.joined(thread.start), wall.end.joined(thread.end))
 
 
 def rod_chord(profile: BellowProfile, depth_m: float) -> float:
-    """Width (m) of the rod along y at a distance below the tube's axis, 0 outside it."""
+    """Return width (m) of the rod along y at a distance below the tube's axis, 0 outside it."""
     radius = (profile.average_radius_m - profile.wall_m) / 2
     above = depth_m - (profile.inner_radius_m - radius)
     return float(2 * np.sqrt(max(radius**2 - above**2, 0.0)))
 
 
 def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
-    """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from its axis, volumes (n,)."""
+    """Return the quadrature of the rod inside the cavity, x ∈ [0, l/2]: points (n, 3) from its axis, volumes (n,)."""
     x, dx, phi, low, high = _rays(profile)
     node, weight = ACROSS_RULE
     thick = (high - low)[..., None]
@@ -193,7 +196,7 @@ def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
 
 
 def thread_mass(profile: BellowProfile, density_kg_m3: float, axis_height_m: float) -> ModuleMass:
-    """Masses of the rod's part inside the cavity, by halves, in the module frame.
+    """Return masses of the rod's part inside the cavity, by halves, in the module frame.
 
     The moments along each ray are in closed form: those of `thread_points`, whose rule is exact for them.
     """
@@ -219,9 +222,9 @@ def thread_mass(profile: BellowProfile, density_kg_m3: float, axis_height_m: flo
 
 
 def _rays(profile: BellowProfile) -> tuple[Array, Array, Array, Array, Array]:
-    """x (i,) with its weights dx (i,), φ (j,), and where the rod begins (j,) and ends (i, j) on each ray.
+    """Return x (i,) with its weights dx (i,), φ (j,), and the start (j,) and end (i, j) of the rod on each ray.
 
-    On the ray at the angle φ from the axis' lower side the rod lies between the roots of
+    On the ray at the angle φ from the axis' lower side the rod is between the roots of
     ρ² − 2 ρ c cos φ + c² = q², c the depth of its centre and q its radius; the wall's inner radius cuts it off.
     """
     radius = (profile.average_radius_m - profile.wall_m) / 2

@@ -32,7 +32,7 @@ class BellowTranslational(MidSurfaceBellow):
     main_axis: ClassVar[str] = "x"
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """Half a module, a quarter of its section: u is twice the piece's extension, the energy eight times its."""
+        """Return half a module, a quarter of its section: u is twice its extension, the energy eight times its."""
         return self.piece(
             sector(self.geometry, self._counts(refinement), quarters=1),
             energy_scale=8.0,
@@ -43,5 +43,5 @@ class BellowTranslational(MidSurfaceBellow):
         return sector(self.geometry, self._counts(refinement), quarters=2)
 
     def _counts(self, refinement: int) -> RevolvedCounts:
-        """Finer than a bellow that bends: stretching it strains the whole circumference."""
-        return RevolvedCounts.of(self.geometry, refinement, arc=3, quarter=4)
+        """Return finer counts than for a bending bellow: stretching strains the whole circumference."""
+        return RevolvedCounts.from_profile(self.geometry, refinement, arc=3, quarter=4)

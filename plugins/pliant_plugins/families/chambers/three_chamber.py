@@ -15,7 +15,7 @@ from pliant.meshing.grids import carved_cavities, grid_cells, grid_lines, module
 from pliant.meshing.hexahedra import boundary_faces
 from pliant.meshing.masses import UNIFORM, half_masses
 from pliant.meshing.surfaces import half_skins
-from pliant.records.actuation import joined, names_of
+from pliant.records.actuation import joined, split_actuation_names
 from pliant.records.design import Array, ModuleMass
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
 from pliant.records.law import EXTENSIBLE_AXES, JointKind
@@ -69,7 +69,7 @@ class ThreeChamber(ActuatorFamily):
         return self.config.module_length_m
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """The whole module from x = 0; what a section does at its end it does at its start (warping included)."""
+        """Return the whole module from x = 0; warping is the same at both end sections."""
         mesh = build_mesh(self.config, self.config.module_length_m, refinement)
         first, second = (mesh.node_sets[name] for name in ("start", "end"))
         return ModuleProblem(
@@ -91,20 +91,20 @@ class ThreeChamber(ActuatorFamily):
         return build_mesh(self.config, self.config.module_length_m / 2)
 
     def shapes(self) -> HalfShapes:
-        """A cylinder for each half."""
+        """Return a cylinder for each half."""
         return half_cylinders(self.config.module_length_m, self.config.radius_m)
 
     def surface(self) -> HalfSurfaces:
-        """The skin of the two halves."""
+        """Return the skin of the two halves."""
         return half_skins(self._half, mirror_y=False)
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves; the winding weighs nothing."""
+        """Return the masses of the two halves; the winding has no mass."""
         return half_masses(self._half, density_kg_m3, mirror_y=False, regions=regions)
 
 
 def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -> ModuleMesh:
-    """x ∈ [0, span]; node sets `wound`, the outside, and `pin`, one of its nodes at the start."""
+    """Build the mesh, x ∈ [0, span]; node sets `wound`, the outside, and `pin`, one of its nodes at the start."""
     inner, outer = config.bore_m + config.wall_m, config.radius_m - config.wall_m
     through, across, along_arc, rib = (refinement * n for n in (THROUGH, ACROSS, AROUND, RIB))
     r = grid_lines((config.bore_m, inner, outer, config.radius_m), (through, across, through))
@@ -123,7 +123,7 @@ def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -
     # φ from +z, turning as a positive rotation about x does: toward −y.
     around = np.arctan2(-middle[:, 1], middle[:, 2])
     hollow = {}
-    for k, name in enumerate(names_of(ThreeChamber.actuation)):
+    for k, name in enumerate(split_actuation_names(ThreeChamber.actuation)):
         away = np.abs((around - k * sector + np.pi) % (2 * np.pi) - np.pi)
         hollow[name] = (away < sector / 2 - half_rib) & (radius > inner) & (radius < outer)
     nodes, cells, cavities = carved_cavities(nodes, cells, hollow)
@@ -134,7 +134,7 @@ def build_mesh(config: ThreeChamberConfig, span_m: float, refinement: int = 1) -
 
 
 def _ring(x: Array, r: Array, phi: Array) -> tuple[Array, IntArray]:
-    """Nodes (n, 3) and ids [x, φ, r] of a full turn about x, the last line of φ being the first."""
+    """Return nodes (n, 3) and ids [x, φ, r] of a full turn about x, the last line of φ being the first."""
     X, P, R = np.meshgrid(x, phi[:-1], r, indexing="ij")
     nodes = np.stack([X, -R * np.sin(P), R * np.cos(P)], axis=-1).reshape(-1, 3)
     ids = np.arange(X.size, dtype=np.int64).reshape(X.shape)
@@ -142,7 +142,7 @@ def _ring(x: Array, r: Array, phi: Array) -> tuple[Array, IntArray]:
 
 
 def _needs(config: ThreeChamberConfig) -> Iterator[Need]:
-    """That the chambers have room."""
+    """Yield the conditions under which the chambers fit."""
     around = config.bore_m + 2 * config.wall_m
     yield Need("radius > bore + 2 wall (room for the chambers)", config.radius_m, around)
     arc = np.pi / CHAMBERS * (config.radius_m + config.bore_m)

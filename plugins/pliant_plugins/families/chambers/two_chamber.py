@@ -12,7 +12,7 @@ from pliant.families import Need, QuarterModule
 from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.grids import block, carved_cavities, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import boundary_faces
-from pliant.records.actuation import joined, names_of
+from pliant.records.actuation import joined, split_actuation_names
 from pliant.records.fem import ModuleMesh
 from pliant.units import Length
 
@@ -32,13 +32,13 @@ class TwoChamberConfig(FamilyConfig):
 
 
 class TwoChamber(QuarterModule):
-    """One design of two opposed chambers with a pressure each; the first lies at +z and bends toward −z.
+    """One design of two opposed chambers with a pressure each; the first is at +z and bends toward −z.
 
-    The tube is wound: threads around it, which do not stretch, let it grow longer and bend and keep the outline of
-    each section as it is (the limit of a close winding; Suzumori, Iikura and Tanaka, IEEE ICRA 1991, wind their
-    actuators so). Sections are alike, so that a slice of one element along x is enough. The length follows the
-    pressures, without a force along the chain, and is no coordinate of the joint: a chain of modules keeps its length.
-    The winding weighs nothing.
+    The tube is wound: threads around it, which do not stretch, allow elongation and bending and keep the outline of
+    each section (the limit of a close winding; Suzumori, Iikura and Tanaka, IEEE ICRA 1991, wind their actuators so).
+    Sections are identical, so that a slice of one element along x is enough. The length follows the pressures, without
+    a force along the chain, and is no coordinate of the joint: a chain of modules keeps its length. The winding has no
+    mass.
     """
 
     actuation: ClassVar[str] = joined(("pressure_1_pa", "pressure_2_pa"))
@@ -55,7 +55,7 @@ class TwoChamber(QuarterModule):
 
 
 def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
-    """x ∈ [0, l/2], y ≥ 0; node set `wound` is the outside of the tube."""
+    """Build the mesh, x ∈ [0, l/2], y ≥ 0; node set `wound` is the outside of the tube."""
     through, across, aside = (refinement * n for n in (THROUGH, ACROSS, ASIDE))
     w, h, t, web = config.width_m / 2, config.height_m / 2, config.wall_m, config.web_m / 2
     y = grid_lines((0.0, w - t, w), (aside, through))
@@ -68,7 +68,7 @@ def build_mesh(config: TwoChamberConfig, refinement: int = 1) -> ModuleMesh:
     inside = middle[:, 1] < w - t
     hollow = {
         name: inside & (sign * middle[:, 2] > web) & (sign * middle[:, 2] < h - t)
-        for name, sign in zip(names_of(TwoChamber.actuation), (1.0, -1.0), strict=True)
+        for name, sign in zip(split_actuation_names(TwoChamber.actuation), (1.0, -1.0), strict=True)
     }
     nodes, cells, cavities = carved_cavities(nodes, cells, hollow)
     skin, _ = boundary_faces(cells)

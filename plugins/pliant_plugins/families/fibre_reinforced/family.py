@@ -1,9 +1,9 @@
 """The fibre-reinforced tube as an `ActuatorFamily`: its section, its piece, masses and collision shapes.
 
-Module frame: x along the tube; z = 0 is the middle of the sleeve at the bottom, where the sheet lies. Angles φ about
+Module frame: x along the tube; z = 0 is the middle of the sleeve at the bottom, where the sheet is. Angles φ about
 the tube's axis start at the bottom: y = ρ sin φ, z = axis height − ρ cos φ. The sleeve is the outer part of the wall:
-it holds the threads all around and the sheet, |φ| ≤ `sheet_angle`. The mesh is of structured 27-node hexahedra of half
-the section, one slice along x, with the threads in its sleeve.
+it contains the threads all around and the sheet, |φ| ≤ `sheet_angle`. The mesh consists of structured 27-node hexahedra
+of half the section, one slice along x, with the threads in its sleeve.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of, half_cylinders
+from pliant.families import Need, QuarterModule, design_geometry, half_cylinders
 from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.grids import grid_cells, grid_faces, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
@@ -49,7 +49,7 @@ class TubeGeometry:
         return self.radius_m + self.wall_m - self.sleeve_m / 2
 
     def needs(self) -> Iterator[Need]:
-        """What lengths above 0 keep besides; threads may run around the tube, a right angle."""
+        """Yield the conditions besides positive lengths; threads may run around the tube, at a right angle."""
         yield Need("sleeve < wall (it is the wall's outer part)", self.sleeve_m, self.wall_m)
         yield Need("sheet_angle > 0°", self.sheet_angle_rad, 0.0, "rad")
         yield Need("sheet_angle < 180°", self.sheet_angle_rad, np.pi, "rad")
@@ -97,7 +97,7 @@ class FibreReinforced(QuarterModule):
     @cached_property
     def geometry(self) -> TubeGeometry:
         """The tube's lengths and angles."""
-        return geometry_of(self.config, TubeGeometry)
+        return design_geometry(self.config, TubeGeometry)
 
     def needs(self) -> Iterator[Need]:
         return self.geometry.needs()
@@ -111,13 +111,13 @@ class FibreReinforced(QuarterModule):
         )
 
     def shapes(self) -> HalfShapes:
-        """A cylinder for each half."""
+        """Return a cylinder for each half."""
         g = self.geometry
         return half_cylinders(g.module_length_m, g.radius_m + g.wall_m, g.axis_height_m)
 
 
 def build_mesh(geometry: TubeGeometry, refinement: int = 1) -> ModuleMesh:
-    """The slice x ∈ [0, l/2], y ≥ 0, with the sheet as a region; `pin` is a corner of the sleeve at the bottom."""
+    """Build the slice x ∈ [0, l/2], y ≥ 0, with the sheet as a region; `pin` is a bottom corner of the sleeve."""
     g = geometry
     ends = (0.0, g.sheet_angle_rad, np.pi)
     arcs = [refinement * int(np.ceil((high - low) / ARC_RAD)) for low, high in itertools.pairwise(ends)]
@@ -140,14 +140,14 @@ def build_mesh(geometry: TubeGeometry, refinement: int = 1) -> ModuleMesh:
 
 
 def in_sleeve(geometry: TubeGeometry, nodes_m: Array, cells: IntArray) -> IntArray:
-    """Numbers of the cells that hold threads."""
+    """Return the numbers of the cells that contain threads."""
     y, z = nodes_m[cells[:, CENTRE], 1:].T
     beyond = geometry.radius_m + geometry.wall_m - geometry.sleeve_m
     return np.flatnonzero(np.hypot(y, z - geometry.axis_height_m) > beyond)
 
 
 def winding(geometry: TubeGeometry, mesh: ModuleMesh, stiffness_n: float) -> tuple[Fibres, Fibres]:
-    """Both windings, ±α from the axis: a thread of EA = `stiffness_n` at each spacing, spread over the sleeve."""
+    """Return both windings, ±α from the axis: a thread of EA = `stiffness_n` per spacing, smeared over the sleeve."""
     cells = in_sleeve(geometry, mesh.nodes_m, mesh.cells)
     phi = _angles(geometry, mesh.nodes_m[mesh.cells[cells]])
     around = np.stack([np.zeros_like(phi), np.cos(phi), np.sin(phi)], axis=-1)
@@ -159,5 +159,5 @@ def winding(geometry: TubeGeometry, mesh: ModuleMesh, stiffness_n: float) -> tup
 
 
 def _angles(geometry: TubeGeometry, places: Array) -> Array:
-    """φ of places (..., 3), from 0 at the bottom to π at the top."""
+    """Return φ of places (..., 3), from 0 at the bottom to π at the top."""
     return np.asarray(np.arctan2(places[..., 1], geometry.axis_height_m - places[..., 2]))

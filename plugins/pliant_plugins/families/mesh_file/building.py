@@ -15,15 +15,16 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from pliant.errors import InvalidDesignError, closest
-from pliant.meshing.cells import hollow_volume, kind_of
+from pliant.meshing.cells import cell_kind, hollow_volume
 from pliant.meshing.raising import as_quadratic, mirrored_y
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant_plugins.families.mesh_file.placing import (
     FLAT,
     UNITS,
-    ends_of,
+    end_planes,
     mirror_side,
+    require_sections,
     require_unit,
     require_whole_section,
     rotation,
@@ -45,7 +46,7 @@ PLANES = ("start", "end", "symmetry")
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is made of a file: its unit, its axes, its surfaces' names, the reference line's place (m) in its frame."""
+    """Options for a file: its unit, its axes, its surfaces' names, the reference line's position (m) in its frame."""
 
     unit: str
     along: str
@@ -78,7 +79,7 @@ class FilePiece:
     remarks: tuple[str, ...]
 
 
-def piece_of_file(path: Path, wanted: Wanted) -> FilePiece:
+def read_piece(path: Path, wanted: Wanted) -> FilePiece:
     """Read, check and place a file. Raises `UserError` and `InvalidDesignError`, a sentence each."""
     state = path.stat() if path.is_file() else None
     return _piece(path, wanted, (state.st_mtime_ns, state.st_size) if state else None)
@@ -86,19 +87,22 @@ def piece_of_file(path: Path, wanted: Wanted) -> FilePiece:
 
 @lru_cache(maxsize=8)
 def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePiece:
-    """A chain's stages ask for one design's mesh several times; a file that changed is another."""
+    """Build the piece, cached because a chain's stages request a design's mesh several times."""
     file = read_volume(path)
     turn = rotation(wanted.along, wanted.up)
     nodes, file, cells = _quadratic(file, UNITS[wanted.unit] * file.nodes @ turn.T)
     require_unit(nodes, wanted.unit, file.name)
     poor = require_sound(nodes, cells, file.nodes[file.cells].mean(axis=1), file.name)
-    skin = Skin.of(nodes, cells)
+    skin = Skin.from_cells(nodes, cells)
     roles = [(wanted.base, "base"), (wanted.tip, "tip"), *((name, "cavity") for name in wanted.cavities)]
     if wanted.symmetry is not None:
         roles.append((wanted.symmetry, "symmetry"))
     chosen = {name: named_faces(file, skin, name, role) for name, role in roles}
     require_disjoint(chosen, file)
     nodes, span, lower = _placed(nodes, skin, chosen, wanted)
+    small = require_sections(
+        nodes, cells, [(name, skin.faces[chosen[name]]) for name in (wanted.base, wanted.tip)]
+    )
     sets = _node_sets(nodes, span, wanted.symmetry is not None)
     planes = [np.isin(np.arange(len(nodes)), sets[name]) for name in PLANES if name in sets]
     for name in wanted.cavities:
@@ -108,12 +112,12 @@ def _piece(path: Path, wanted: Wanted, _state: tuple[int, int] | None) -> FilePi
         nodes, cells = mirrored_y(nodes, cells)
     mesh = replace(_mesh(nodes, cells, walls, sets), regions=_regions(file, wanted.regions))
     return FilePiece(
-        mesh, span, wanted.symmetry is not None, _remarks(file, len(cells), poor, wanted.regions)
+        mesh, span, wanted.symmetry is not None, (*_remarks(file, len(cells), poor, wanted.regions), *small)
     )
 
 
 def _quadratic(file: VolumeFile, nodes: Array) -> tuple[Array, VolumeFile, IntArray]:
-    """Nodes that solid cells use, the file's sets renumbered to them, and quadratic cells."""
+    """Return nodes that solid cells use, the file's sets renumbered to them, and quadratic cells."""
     used = np.unique(file.cells)
     number = np.full(len(nodes), -1, np.int64)
     number[used] = np.arange(len(used))
@@ -127,9 +131,9 @@ def _quadratic(file: VolumeFile, nodes: Array) -> tuple[Array, VolumeFile, IntAr
 def _placed(
     nodes: Array, skin: Skin, chosen: dict[str, NDArray[np.bool_]], wanted: Wanted
 ) -> tuple[Array, float, bool]:
-    """Nodes in the module frame, exactly on its planes; the span; whether the solid lies at y ≤ 0."""
+    """Return the nodes in the module frame, exactly on its planes; the span; whether the solid is at y ≤ 0."""
     base, tip = (skin.faces[chosen[name]] for name in (wanted.base, wanted.tip))
-    ends = ends_of(nodes, base, tip, (wanted.base, wanted.tip))
+    ends = end_planes(nodes, base, tip, (wanted.base, wanted.tip))
     near = FLAT * ends.span_m
     for place, name in ((ends.base_m, wanted.base), (ends.tip_m, wanted.tip)):
         require_whole_section(nodes, skin.faces, chosen[name], place, 0, near, name)
@@ -157,8 +161,8 @@ def _node_sets(nodes: Array, span: float, symmetric: bool) -> dict[str, IntArray
 
 
 def _mesh(nodes: Array, cells: IntArray, walls: dict[str, IntArray], sets: dict[str, IntArray]) -> ModuleMesh:
-    """`walls`: (f, corners) of each cavity's faces, ascending."""
-    skin = Skin.of(nodes, cells)
+    """Assemble the mesh; `walls` are (f, corners) of each cavity's faces, ascending."""
+    skin = Skin.from_cells(nodes, cells)
     cavities = {}
     for number, (name, wall) in enumerate(walls.items(), start=1):
         faces = skin.faces[rows_in(skin.corners, wall)]
@@ -178,7 +182,7 @@ def _require_hollow(nodes: Array, faces: IntArray, name: str) -> None:
 
 
 def _regions(file: VolumeFile, names: tuple[str, ...]) -> dict[str, IntArray]:
-    """Cells of the named volumes. Raises `InvalidDesignError` for one that the file lacks, or two that share cells."""
+    """Return cells of the named volumes. Raises `InvalidDesignError` for a missing or overlapping volume."""
     taken = np.zeros(len(file.cells), int)
     for name in names:
         if name not in file.volumes:
@@ -215,11 +219,11 @@ def _remarks(file: VolumeFile, count: int, poor: str | None, regions: tuple[str,
 
 
 def scaled_jacobians(nodes_m: Array, cells: IntArray) -> Array:
-    """(m,) smallest det ∂x/∂ξ of each cell over the product of its edges there: 1 for a cube or a corner's tetrahedron.
+    """Return (m,) smallest det ∂x/∂ξ of each cell over the product of its edges there: 1 for a cube.
 
     (Knupp, Int. J. Numer. Meth. Engng 48 (2000) 1165–1185.)
     """
-    kind = kind_of(cells)
+    kind = cell_kind(cells)
     slopes = np.einsum("qnj,mni->mqij", kind.shape_slopes(kind.sample_points()), nodes_m[cells])
     lengths = np.linalg.norm(slopes, axis=2).prod(axis=-1)
     return np.asarray((np.linalg.det(slopes) / np.maximum(lengths, np.finfo(float).tiny)).min(axis=1))

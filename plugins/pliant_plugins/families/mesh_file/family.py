@@ -19,7 +19,7 @@ from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.shape import HalfShapes, HalfSurfaces
 from pliant.units import Length
-from pliant_plugins.families.mesh_file.building import FilePiece, Wanted, piece_of_file
+from pliant_plugins.families.mesh_file.building import FilePiece, Wanted, read_piece
 from pliant_plugins.families.mesh_file.placing import rotation
 from pliant_plugins.families.mesh_file.reading import require_file
 
@@ -36,7 +36,7 @@ class MeshFileConfig(FamilyConfig):
     """
 
     kind: Literal["mesh_file"] = "mesh_file"
-    file: Path = Field(description="volume mesh: gmsh .msh, VTK .vtu or Abaqus .inp")
+    file: Path = Field(description="volume mesh: gmsh .msh, VTK .vtu or .vtk (as SOFA has them), Abaqus .inp")
     unit: Literal["m", "cm", "mm", "in"] = Field(default="m", description="unit of the file's lengths")
     along: Direction = Field(default="x", description="the file's direction from base to tip")
     up: Direction = Field(
@@ -136,7 +136,7 @@ class MeshFile(ActuatorFamily):
             config.line_height_m,
             config.line_across_m,
         )
-        return piece_of_file(config.file, wanted)
+        return read_piece(config.file, wanted)
 
     @property
     def _half(self) -> bool:
@@ -147,11 +147,11 @@ class MeshFile(ActuatorFamily):
         return (2.0 if self._half else 1.0) * self.piece.span_m
 
     def remarks(self) -> tuple[str, ...]:
-        """What was done to the mesh, and what is poor about it."""
+        """Return sentences on changes made to the mesh and on its defects."""
         return self.piece.remarks
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """The piece between plane end sections, pinned on its start section against rigid motions."""
+        """Return the piece between plane end sections, pinned on its start section against rigid motions."""
         if refinement != 1:
             raise UserError(
                 f"family 'mesh_file' cannot refine: fem.refinement is {refinement}, the mesh is the file's; make a "
@@ -171,20 +171,20 @@ class MeshFile(ActuatorFamily):
         )
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves, by quadrature over the mesh and its mirror images."""
+        """Return masses of the two halves, by quadrature over the mesh and its mirror images."""
         piece = self.piece
         if self._half:
             return half_masses(piece.mesh, density_kg_m3, piece.symmetric, regions)
         return split_masses(piece.mesh, piece.span_m, density_kg_m3, piece.symmetric, regions)
 
     def surface(self) -> HalfSurfaces:
-        """The skin of the mesh and its mirror images."""
+        """Return the skin of the mesh and its mirror images."""
         piece = self.piece
         if self._half:
             return half_skins(piece.mesh, piece.symmetric)
         return split_skins(piece.mesh, piece.span_m, piece.symmetric)
 
     def shapes(self) -> HalfShapes:
-        """The boxes around the two halves."""
+        """Return the boxes around the two halves."""
         piece = self.piece
         return half_boxes(piece.mesh, piece.symmetric) if self._half else split_boxes(self.surface())

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.meshing.meshio_package import require_meshio
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
-from pliant.report.vtu import require_meshio
 from pliant_plugins.native import torch_first
 
 UNNAMED = ("", "default")
@@ -76,23 +76,23 @@ def mesh_cad(
 
 
 def _sizes(geometry: Any, largest: float, grading: float, inner: float | None) -> Any:
-    """Netgen's parameters; the inner edges are those of a first mesh of the skin."""
+    """Return Netgen's parameters; the inner edges are those of a first mesh of the skin."""
     from netgen.meshing import MeshingParameters, MeshingStep, Pnt
 
     sizes = MeshingParameters(maxh=largest, grading=grading)
     if inner is not None:
         skin = geometry.GenerateMesh(sizes, perfstepsend=MeshingStep.MESHSURFACE)
-        for start, end in inner_edges(*skin_of(skin)):
+        for start, end in inner_edges(*outer_skin(skin)):
             sizes.RestrictHLine(Pnt(*start), Pnt(*end), inner)
     return sizes
 
 
 def inner_edges(points: Array, triangles: IntArray) -> Array:
-    """Ends (k, 2, 3) of the edges at which the skin turns inward, sharply.
+    """Return the ends (k, 2, 3) of the sharp re-entrant edges of the skin.
 
     Args:
         points: (n, 3).
-        triangles: (t, 3) of a closed skin, normals out of the body. An edge of more than two of them is none.
+        triangles: (t, 3) of a closed skin, normals out of the body. An edge shared by more than two of them is ignored.
     """
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -108,8 +108,8 @@ def inner_edges(points: Array, triangles: IntArray) -> Array:
     return np.asarray(points[unique[count == 2][turned & above]])
 
 
-def skin_of(mesh: Any) -> tuple[Array, IntArray]:
-    """Points (n, 3) and triangles (t, 3) of a Netgen mesh's outside, normals outward, without borders of volumes."""
+def outer_skin(mesh: Any) -> tuple[Array, IntArray]:
+    """Return points (n, 3) and triangles (t, 3) of a Netgen mesh's outside, normals outward, no inner borders."""
     points = np.array([point.p for point in mesh.Points()], float)
     triangles = np.array([[v.nr - 1 for v in e.vertices[:3]] for e in mesh.Elements2D()], np.int64)
     faces = list(mesh.FaceDescriptors())
@@ -137,7 +137,7 @@ def _geometry(source: str | Path | Any) -> Any:
 
 
 def write_netgen(mesh: Any, path: Path, name: Naming | None = None) -> None:
-    """A `netgen.meshing.Mesh` with its names as a gmsh file. Raises `UserError` where no face has a name."""
+    """Write a `netgen.meshing.Mesh` with its names as a gmsh file. Raises `UserError` if no face has a name."""
     meshio = require_meshio()
     points = np.array([point.p for point in mesh.Points()], float)
     solid, solid_groups = _cells(mesh.Elements3D(), SOLID_ORDER)
@@ -166,7 +166,7 @@ def write_netgen(mesh: Any, path: Path, name: Naming | None = None) -> None:
 
 
 def _cells(elements: Any, order: tuple[int, ...]) -> tuple[tuple[str, Any], Any]:
-    """meshio's block of the elements, and the number of each one's face or solid."""
+    """Return meshio's block of the elements, and the number of each one's face or solid."""
     nodes = np.array([[point.nr - 1 for point in element.points] for element in elements], np.int64)
     groups = np.array([element.index for element in elements], np.int64)
     count = nodes.shape[1]

@@ -6,19 +6,22 @@ the solid at y ≥ 0, the reference line y = z = 0.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import InvalidDesignError
-from pliant.meshing.cells import area_vector
+from pliant.meshing.cells import area_vector, cell_volumes
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 25.4e-3}
 LARGEST_M, SMALLEST_M = 1.0, 1e-4  # length of a solved piece that is taken for meant
-FLAT = 1e-4  # of the piece's length: how far a plane's nodes may stand off it
+# Of the solid's mean section: an end section below the first is refused, below the second remarked upon.
+NO_SECTION, SMALL_SECTION = 0.05, 0.25
+FLAT = 1e-4  # of the piece's length: tolerance of a plane's nodes
 DIRECTIONS = {
     sign + name: factor * np.eye(3)[k]
     for k, name in enumerate("xyz")
@@ -27,7 +30,7 @@ DIRECTIONS = {
 
 
 def rotation(along: str, up: str) -> Array:
-    """Rows are the module's axes in the file's frame. Raises `InvalidDesignError` unless the two are perpendicular."""
+    """Return the module's axes in the file's frame as rows. Raises `InvalidDesignError` unless perpendicular."""
     x, z = DIRECTIONS[along], DIRECTIONS[up]
     if abs(x @ z) > 0.5:
         raise InvalidDesignError(
@@ -39,7 +42,7 @@ def rotation(along: str, up: str) -> Array:
 
 @dataclass(frozen=True)
 class Ends:
-    """Where the end sections lie along module x, in m of the file's origin."""
+    """Positions of the end sections along module x, in m from the file's origin."""
 
     base_m: float
     tip_m: float
@@ -51,7 +54,7 @@ class Ends:
 
 
 def require_unit(nodes_m: Array, unit: str, name: str) -> None:
-    """Raise `InvalidDesignError` for a body of a size that nobody means, and name the unit that may have been meant."""
+    """Raise `InvalidDesignError` for a body of an implausible size, and name the unit that may be right."""
     size = float(np.ptp(nodes_m, axis=0).max())
     fits = [
         other for other, factor in UNITS.items() if SMALLEST_M <= size / UNITS[unit] * factor <= LARGEST_M
@@ -65,8 +68,8 @@ def require_unit(nodes_m: Array, unit: str, name: str) -> None:
         )
 
 
-def ends_of(nodes_m: Array, base: IntArray, tip: IntArray, names: tuple[str, str]) -> Ends:
-    """The planes of two surfaces (faces of nodes already turned to the module's axes).
+def end_planes(nodes_m: Array, base: IntArray, tip: IntArray, names: tuple[str, str]) -> Ends:
+    """Return the planes of two surfaces (faces of nodes already turned to the module's axes).
 
     Raises `InvalidDesignError` for surfaces that are no planes across x, or the wrong way round.
     """
@@ -88,7 +91,7 @@ def ends_of(nodes_m: Array, base: IntArray, tip: IntArray, names: tuple[str, str
 
 
 def _plane(nodes_m: Array, faces: IntArray, name: str, length: float) -> float:
-    """x of a plane surface across x."""
+    """Return x of a plane surface across x."""
     x = nodes_m[np.unique(faces), 0]
     if np.ptp(x) > FLAT * length:
         normal = area_vector(nodes_m, faces)
@@ -122,10 +125,40 @@ def require_whole_section(
         )
 
 
-def mirror_side(nodes_m: Array, faces: IntArray, length: float, name: str) -> tuple[float, bool]:
-    """y of the mirror plane and whether the solid lies below it.
+def require_sections(nodes_m: Array, cells: IntArray, ends: Sequence[tuple[str, IntArray]]) -> list[str]:
+    """Return sentences about end sections that are small compared with the body: they connect poorly to a neighbour.
 
-    Raises `InvalidDesignError` for a surface that is no plane y = const, or that the solid lies on both sides of.
+    The measure is the area of the section over volume / length of the solid.
+
+    Args:
+        nodes_m: (n, 3) in the module frame.
+        cells: of the solid.
+        ends: names and faces of the two end surfaces.
+
+    Raises:
+        InvalidDesignError: an end section below `NO_SECTION` of the mean one.
+    """
+    mean = float(cell_volumes(nodes_m, cells).sum() / np.ptp(nodes_m[:, 0]))
+    said = []
+    for name, faces in ends:
+        area = float(np.abs(area_vector(nodes_m, faces)[0]))
+        words = (
+            f"surface '{name}' is {1e6 * area:.3g} mm² large, {area / mean:.1%} of the solid's mean section "
+            f"({1e6 * mean:.3g} mm²)"
+        )
+        if area < NO_SECTION * mean:
+            raise InvalidDesignError(
+                f"{words}: the next module would hang on that; cut the module where its whole section ends."
+            )
+        if area < SMALL_SECTION * mean:
+            said.append(f"{words}: the stiffness of a joint is mostly that of this neck.")
+    return said
+
+
+def mirror_side(nodes_m: Array, faces: IntArray, length: float, name: str) -> tuple[float, bool]:
+    """Return y of the mirror plane and whether the solid is below it.
+
+    Raises `InvalidDesignError` for a surface that is no plane y = const, or that has the solid on both sides.
     """
     y = nodes_m[np.unique(faces), 1]
     if np.ptp(y) > FLAT * length:

@@ -1,9 +1,9 @@
 """Volume meshes from files by meshio: nodes, solid cells of one kind, named surfaces and named volumes.
 
-A name stands for a surface where it is a set of triangles or quadrilaterals (a physical group of gmsh, an element set
-of Abaqus, a value of an integer cell array of a .vtu, named `array=value`), or a set of nodes (an Abaqus NSET, an
-integer point array of a .vtu that is not zero there): then the faces are those whose corners all belong to it. A name
-of a set of solid cells stands for a volume. Surfaces of an Abaqus or CalculiX deck (`*SURFACE, TYPE=ELEMENT`), which
+A name denotes a surface where it is a set of triangles or quadrilaterals (a physical group of gmsh, an element set
+of Abaqus, a value of an integer cell array of VTK, named `array=value`), or a set of nodes (an Abaqus NSET, an
+integer point array of VTK that is not zero there): then the faces are those whose corners all belong to it. A name
+of a set of solid cells denotes a volume. Surfaces of an Abaqus or CalculiX deck (`*SURFACE, TYPE=ELEMENT`), which
 meshio leaves out, are read here: a line of such a card is an element's number or the name of an element set, and the
 side S1, S2, …
 """
@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import InvalidDesignError, UserError
+from pliant.meshing.meshio_package import require_meshio
 from pliant.meshing.raising import SOLID
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant.regular_files import require_there
-from pliant.report.vtu import require_meshio
 
 Members = list[tuple[int, int]]  # places of solid cells and their sides
-FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".inp": "abaqus"}
+FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".vtk": "vtk", ".inp": "abaqus"}
 SURFACE = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}  # corners of each kind of face
 # Corners of a solid cell's faces, as Abaqus numbers them (S1, S2, …); nodes in VTK's order.
 TETRA_FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
@@ -36,7 +36,7 @@ HEX_FACES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3
 
 @dataclass(frozen=True, eq=False)
 class VolumeFile:
-    """What a file says, in its own frame and unit of length.
+    """The content of a file, in its own frame and unit of length.
 
     Attributes:
         name: of the file, for messages.
@@ -58,7 +58,7 @@ class VolumeFile:
 
     @property
     def surface_names(self) -> list[str]:
-        """Names that may stand for a surface; values of arrays only where there are no others."""
+        """Names that may denote a surface; values of arrays only if there are no others."""
         names = sorted({*self.faces, *self.node_sets})
         return [name for name in names if "=" not in name] or names
 
@@ -108,7 +108,7 @@ def require_file(path: Path) -> None:
 
 
 def _read(path: Path) -> Any:
-    """meshio's mesh; what it prints is kept back."""
+    """Read meshio's mesh without its printed output."""
     meshio = require_meshio()
     said = io.StringIO()
     try:
@@ -135,7 +135,7 @@ def _listed(kinds: Any) -> str:
 
 
 def _named(mesh: Any, starts: Mapping[int, int]) -> tuple[dict[str, IntArray], dict[str, IntArray]]:
-    """Corners of the faces, and numbers of the solid cells, of every named set."""
+    """Return corners of the faces, and numbers of the solid cells, of every named set."""
     faces: dict[str, list[IntArray]] = {}
     volumes: dict[str, list[IntArray]] = {}
     for name, k, chosen in _sets(mesh):
@@ -152,7 +152,7 @@ def _named(mesh: Any, starts: Mapping[int, int]) -> tuple[dict[str, IntArray], d
 
 
 def _sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
-    """(name, block, members) of cell sets, of gmsh's physical groups and of integer cell arrays."""
+    """Yield (name, block, members) of cell sets, of gmsh's physical groups and of integer cell arrays."""
     names = {(int(tag), int(dimension)): name for name, (tag, dimension) in mesh.field_data.items()}
     for name, blocks in mesh.cell_sets.items():
         for k, members in enumerate(blocks):
@@ -180,7 +180,7 @@ def _node_sets(mesh: Any) -> dict[str, IntArray]:
 
 
 def element_surfaces(path: Path, volumes: Mapping[str, IntArray]) -> dict[str, Members]:
-    """Surface → (place of the solid cell, number of its side); what is no such line is passed over.
+    """Return surface → (place of the solid cell, number of its side); other lines are skipped.
 
     Args:
         path: the deck.
@@ -219,7 +219,7 @@ def element_surfaces(path: Path, volumes: Mapping[str, IntArray]) -> dict[str, M
 
 
 def _card(line: str) -> tuple[str, dict[str, str]]:
-    """Keyword and options; names of surfaces keep their case, everything else is in capitals."""
+    """Return keyword and options in capitals; names of surfaces keep their case."""
     keyword, *options = line[1:].split(",")
     found = {}
     for option in options:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import InvalidDesignError, closest
-from pliant.meshing.cells import boundary_faces, kind_of_faces, loose_edges
+from pliant.meshing.cells import boundary_faces, face_cell_kind, loose_edges
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant_plugins.families.mesh_file.reading import VolumeFile
@@ -32,24 +32,24 @@ class Skin:
     middle: Array
 
     @staticmethod
-    def of(nodes: Array, cells: IntArray) -> Skin:
-        """Of quadratic cells."""
+    def from_cells(nodes: Array, cells: IntArray) -> Skin:
+        """Return the outer faces of quadratic cells."""
         faces, _ = boundary_faces(cells)
-        corners = faces[:, kind_of_faces(faces).face_corners]
+        corners = faces[:, face_cell_kind(faces).face_corners]
         return Skin(faces, np.sort(corners, axis=1), nodes[corners].mean(axis=1))
 
 
 def named_faces(file: VolumeFile, skin: Skin, name: str, role: str) -> NDArray[np.bool_]:
-    """(g,) which outer faces the name stands for.
+    """Return (g,) which outer faces the name denotes.
 
     Args:
-        file: knows the names; its node ids are those of `skin`.
+        file: has the names; its node ids are those of `skin`.
         skin: the outer faces.
         name: in the file.
-        role: the family's key that holds the name, for messages.
+        role: the family's key whose value is the name, for messages.
 
     Raises:
-        InvalidDesignError: the file has no such surface, or faces of it lie inside the solid or beside it.
+        InvalidDesignError: the file has no such surface, or faces of it are inside the solid or do not belong to it.
     """
     if name in file.faces:
         wanted = np.sort(file.faces[name], axis=1)
@@ -99,7 +99,8 @@ def require_watertight(
         places: (n, 3) of the nodes in the file.
         skin: outer faces.
         cavity: (g,) which of them are wetted.
-        planes: (n,) which nodes lie on each end section and mirror plane, where neighbours and mirror images go on.
+        planes: (n,) which nodes are on each end section and mirror plane, where neighbours and mirror images continue
+            the solid.
         name: the surface's, for messages.
     """
     loose = loose_edges(skin.faces[cavity])
@@ -122,6 +123,6 @@ def _none(skin: Skin) -> NDArray[np.bool_]:
 
 
 def rows_in(rows: IntArray, wanted: IntArray) -> NDArray[np.bool_]:
-    """Which rows are among the wanted ones."""
+    """Return (n,) which rows are among the wanted ones."""
     both = np.unique(np.concatenate([wanted, rows]), axis=0, return_inverse=True)[1].reshape(-1)
     return np.isin(both[len(wanted) :], both[: len(wanted)])

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of
+from pliant.families import Need, QuarterModule, design_geometry
 from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
@@ -68,7 +68,7 @@ class ChamberGeometry:
         return -low, low, floor, channel, channel + self.bridge_m, top - self.shell_m, top
 
     def needs(self) -> Iterator[Need]:
-        """What lengths above 0 keep besides."""
+        """Yield the conditions besides positive lengths."""
         along = "2 wall + gap < module_length (the chamber needs room)"
         yield Need(along, 2 * self.wall_m + self.gap_m, self.module_length_m)
         across = "2 shell + channel_width < width (the channel is narrower than the chamber)"
@@ -114,7 +114,7 @@ class Pneunet(QuarterModule):
     @cached_property
     def geometry(self) -> ChamberGeometry:
         """The chamber's lengths."""
-        return geometry_of(self.config, ChamberGeometry)
+        return design_geometry(self.config, ChamberGeometry)
 
     def needs(self) -> Iterator[Need]:
         return self.geometry.needs()
@@ -123,7 +123,7 @@ class Pneunet(QuarterModule):
         return build_mesh(self.geometry, refinement)
 
     def shapes(self) -> HalfShapes:
-        """For each half a slab, as high as the channel's bridge, and the chamber on it; the layer's side grips."""
+        """Return for each half a slab up to the channel's bridge and the chamber; the layer's side grips."""
         _, _, outer, half = self.geometry.x_lines
         low, *_, bridge, _, top = self.geometry.z_lines
         y = self.geometry.width_m / 2
@@ -138,14 +138,14 @@ class Pneunet(QuarterModule):
 
 
 def build_mesh(geometry: ChamberGeometry, refinement: int = 1) -> ModuleMesh:
-    """The quarter with its layer as a region; `pin` is the corner above the layer at x = y = 0."""
+    """Build the quarter with its layer as a region; `pin` is the corner above the layer at x = y = 0."""
     ends = (geometry.x_lines, geometry.y_lines, geometry.z_lines)
     counted = zip(ends, (ALONG, ACROSS, UPWARD), strict=True)
     return mesh_on(geometry, [grid_lines(e, [refinement * n for n in counts]) for e, counts in counted])
 
 
 def mesh_on(geometry: ChamberGeometry, lines_m: Sequence[Array]) -> ModuleMesh:
-    """The quarter on grid lines of x, y and z, two intervals per cell; the geometry's own lines are cells' borders."""
+    """Build the quarter on grid lines of x, y and z, two intervals per cell, with the geometry's own lines."""
     x, y, z = geometry.x_lines, geometry.y_lines, geometry.z_lines
     nodes, ids = numbered(block(*lines_m))
     cells = grid_cells(ids)

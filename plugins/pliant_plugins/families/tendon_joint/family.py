@@ -18,7 +18,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.families import Need, QuarterModule, geometry_of
+from pliant.families import Need, QuarterModule, design_geometry
 from pliant.interfaces.family import FamilyConfig
 from pliant.meshing.cells import SQUARE
 from pliant.meshing.grids import block, grid_cells, grid_lines, module_sets, numbered
@@ -68,10 +68,10 @@ class JointGeometry:
         return self.span_m + self.tendon_setback_m
 
     def edge_x_m(self, contact_rad: float) -> float:
-        """x of an end link's edge, H/2 from the mid-plane, that meets its mirror image at a joint angle.
+        """Return x of an end link's edge, H/2 from the mid-plane, that meets its mirror image at a joint angle.
 
-        At θ the arc of the flexure ends at x = (c/θ) sin(θ/2), turned by θ/2: an edge at depth H/2 and s behind
-        it stands at x = (c/θ) sin(θ/2) + s cos(θ/2) − (H/2) sin(θ/2), which is zero at contact.
+        At θ the arc of the flexure ends at x = (c/θ) sin(θ/2), turned by θ/2: an edge at depth H/2 and s behind it is
+        at x = (c/θ) sin(θ/2) + s cos(θ/2) − (H/2) sin(θ/2), which is zero at contact.
         """
         reach = self.link_height_m / 2 - self.flexure_length_m / contact_rad
         return self.span_m + reach * float(np.tan(contact_rad / 2))
@@ -94,13 +94,13 @@ class JointGeometry:
         return Stop(lower, -edge, area), Stop(upper, edge, area)
 
     def face_x_m(self, depth_m: float) -> float:
-        """x of the end link's face at a depth below the mid-plane, t/2 ≤ depth ≤ H/2."""
+        """Return x of the end link's face at a depth below the mid-plane, t/2 ≤ depth ≤ H/2."""
         half = self.flexure_thickness_m / 2
         share = (depth_m - half) / (self.link_height_m / 2 - half)
         return self.span_m + share * (self.lower_edge_x_m - self.span_m)
 
     def tendon_length_m(self, angle_rad: float) -> float:
-        """Length of the tendon between its holes if the flexure bends as a circular arc of length c.
+        """Return length of the tendon between its holes if the flexure bends as a circular arc of length c.
 
         L = 2 [(c/θ) sin(θ/2) + b cos(θ/2) − h sin(θ/2)].
         """
@@ -109,7 +109,7 @@ class JointGeometry:
         return 2 * (arc + self.tendon_setback_m * np.cos(half) - self.tendon_offset_m * np.sin(half))
 
     def tendon_arm_m(self, angle_rad: float) -> float:
-        """−dL/dθ of `tendon_length_m`: the moment of a unit force, which grows as the joint bends."""
+        """Return −dL/dθ of `tendon_length_m`: the moment of a unit force, which grows as the joint bends."""
         half = angle_rad / 2
         # −d/dx of sin(x)/x, by its series where the quotient cancels
         slope = half / 3 if abs(half) < 1e-4 else (np.sin(half) - half * np.cos(half)) / half**2
@@ -117,7 +117,7 @@ class JointGeometry:
         return float(self.span_m * slope + guided)
 
     def needs(self) -> Iterator[Need]:
-        """What lengths above 0 keep besides; each may be reckoned only where those before it hold."""
+        """Yield the conditions besides positive lengths; each may be evaluated only if those before it are met."""
         contacts = {"closing_angle": self.closing_angle_rad, "opening_angle": self.opening_angle_rad}
         for name, angle in contacts.items():
             yield Need(f"{name} > 0°", angle, 0.0, "rad")
@@ -178,7 +178,7 @@ class TendonJoint(QuarterModule):
     @cached_property
     def geometry(self) -> JointGeometry:
         """The joint's lengths and angles."""
-        return geometry_of(self.config, JointGeometry)
+        return design_geometry(self.config, JointGeometry)
 
     def needs(self) -> Iterator[Need]:
         return self.geometry.needs()
@@ -187,7 +187,7 @@ class TendonJoint(QuarterModule):
         return build_mesh(self.geometry, refinement)
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        """Half the flexure, half its width: the angle is half the joint's, the energy a quarter of the module's.
+        """Return half the flexure, half its width: the angle is half the joint's, the energy a quarter of the module's.
 
         The end section is bonded to the rigid link, which moves with the frame: all of v is zero there, which also
         removes the rigid motion along z. At mid-flexure, the mirror plane, the section stays plane and free in its
@@ -210,23 +210,25 @@ class TendonJoint(QuarterModule):
         return link_mesh(self.geometry)
 
     def shapes(self) -> HalfShapes:
-        """The links' bands and the flexure."""
+        """Return the links' bands and the flexure."""
         return half_shapes(self.geometry)
 
     def surface(self) -> HalfSurfaces:
-        """The skins of flexure and rigid links; where they are bonded, faces lie on each other."""
+        """Return the skins of flexure and rigid links; where they are bonded, faces lie on each other."""
         flexure, link = super().surface(), link_surface(self._link)
         return HalfSurfaces(flexure.start, flexure.end, mirrored_surface(link, 0), link)
 
     def mass(self, density_kg_m3: float, regions: Mapping[str, float] = UNIFORM) -> ModuleMass:
-        """Masses of the two halves: the flexure of the material's density, the links of their own."""
+        """Return the masses of the two halves: the flexure with the material's density, the links with
+        `link_density_kg_m3`.
+        """
         flexure = super().mass(density_kg_m3, regions)
         link = meshed_mass(self._link, self.config.link_density_kg_m3)
         return ModuleMass(start=flexure.start.joined(mirrored(link, 0)), end=flexure.end.joined(link))
 
 
 def build_mesh(geometry: JointGeometry, refinement: int = 1) -> ModuleMesh:
-    """The quarter; node sets `start` (x = 0), `end` (x = c/2), `symmetry` (y = 0), `pin` (the origin).
+    """Build the quarter; node sets `start` (x = 0), `end` (x = c/2), `symmetry` (y = 0), `pin` (the origin).
 
     Bonded corners are where strains change fastest: the cells at the link and at the free edge are the smaller.
     """
@@ -246,13 +248,13 @@ def build_mesh(geometry: JointGeometry, refinement: int = 1) -> ModuleMesh:
 
 
 def _graded(elements: int) -> Array:
-    """Grid lines from 0 to 1, mid-nodes included, closer toward 1: s ↦ s (2 − s)."""
+    """Return grid lines from 0 to 1, mid-nodes included, closer toward 1: s ↦ s (2 − s)."""
     ends = np.linspace(0, 1, elements + 1)
     return grid_lines(ends * (2 - ends), 1)
 
 
 def link_mesh(geometry: JointGeometry) -> ModuleMesh:
-    """The whole width of the end link: bands below, beside and above the flexure's end."""
+    """Return the mesh of the end link over its whole width: bands below, at and above the flexure's end."""
     half, edge = geometry.flexure_thickness_m / 2, geometry.link_height_m / 2
     z = np.array([-edge, -half, half, edge])
     face = np.array([geometry.lower_edge_x_m, geometry.span_m, geometry.span_m, geometry.upper_edge_x_m])
@@ -270,12 +272,12 @@ def link_mesh(geometry: JointGeometry) -> ModuleMesh:
 
 
 def link_surface(mesh: ModuleMesh) -> TriangleMesh:
-    """The end link's skin as triangles."""
+    """Return the end link's skin as triangles."""
     return TriangleMesh(mesh.nodes_m, mesh.skin[:, SQUARE].reshape(-1, 3))
 
 
 def half_shapes(geometry: JointGeometry) -> HalfShapes:
-    """For each half the link's three bands and half of the flexure, all convex."""
+    """Return for each half the link's three bands and half of the flexure, all convex."""
     mesh, z = link_mesh(geometry), geometry.flexure_thickness_m / 2
     x, y = (0.0, geometry.span_m), geometry.flexure_width_m / 2
     flexure = np.array([(i, j, k) for k in (-z, z) for j in (-y, y) for i in x])

@@ -71,18 +71,18 @@ class NgsolveSystem:
         return self.size - self.count
 
     def step(self, inner: Array, globals_: Array) -> Array:
-        """The change of x."""
+        """Return the change of x."""
         return np.concatenate([self.elimination.spread @ inner, globals_])
 
     def work(self, point: PathPoint[Value], step: tuple[Array, Array], control: Control) -> float:
-        """Σ |r_i Δ_i| over what is free."""
+        """Return Σ |r_i Δ_i| over the free unknowns."""
         residual, k = point.residual, self.count
         efforts, free = residual[-k:] + control.effort, ~control.held
         inner, change = np.abs(residual[:-k] * step[0]).sum(), np.abs(efforts[free] * step[1][free]).sum()
         return float(inner + change)
 
     def evaluate(self, x: Array, actuation: float) -> PathPoint[Value] | None:
-        """Values and gradients at x; `None` where they do not exist (a cell is inverted)."""
+        """Evaluate values and gradients at x; `None` if they do not exist (a cell is inverted)."""
         if not np.all(np.isfinite(x)):
             return None
         with self._at(x):
@@ -107,10 +107,10 @@ class NgsolveSystem:
         solved = self._solve(values, np.column_stack([residual[:n], borders, work[:n]]))
         tail = np.column_stack([residual[n:], corner, work[n:]])
         full = tail - borders.T @ solved
-        return Reduced.of(solved, full, self.count)
+        return Reduced.from_condensed(solved, full, self.count)
 
     def again(self, point: PathPoint[Value]) -> tuple[Array, Array]:
-        """(r_v, K⁻¹ r_v) with the matrix that was factorised last."""
+        """Return (r_v, K⁻¹ r_v) with the matrix that was factorised last."""
         right = point.residual[: len(self.elimination.first)]
         return right, self._backward(right[:, None])[:, 0]
 
@@ -120,7 +120,7 @@ class NgsolveSystem:
 
     @contextlib.contextmanager
     def _at(self, x: Array) -> Iterator[None]:
-        """NGSolve's vector holds x; its tasks run on the threads allowed."""
+        """Set NGSolve's vector to x; its tasks run on the allowed number of threads."""
         with ONE_AT_A_TIME:
             self._vector.FV().NumPy()[:] = x
             if self.threads == 1:
@@ -137,7 +137,7 @@ class NgsolveSystem:
         return np.concatenate([self.elimination.spread.T @ full[:n], full[n:]])
 
     def _pattern(self) -> None:
-        """Slots of both forms' entries in one lower triangle over y."""
+        """Compute the slots of both forms' entries in one lower triangle over y."""
         with self._at(np.zeros(self.size)):
             for form in self._both:
                 form.AssembleLinearization(self._vector)
@@ -175,7 +175,7 @@ class NgsolveSystem:
         return lower, self.elimination.spread.T @ edge[: self.fields], edge[self.fields :]
 
     def _solve(self, values: Array, right: Array) -> Array:
-        """K⁻¹ B by NGSolve's sparse LDLᵀ, refined where needed. Raises `SingularMatrixError`."""
+        """Solve K⁻¹ B by NGSolve's sparse LDLᵀ, refined if needed. Raises `SingularMatrixError`."""
         n = len(self.elimination.first)
         try:
             if self._inverse is None:
@@ -210,13 +210,13 @@ class NgsolveSystem:
 
 
 def _csr(matrix: Any) -> sparse.csr_matrix:
-    """NGSolve's matrix as SciPy's."""
+    """Return NGSolve's matrix as SciPy's."""
     values, columns, starts = (np.array(part) for part in matrix.CSR())
     return sparse.csr_matrix((values, columns, starts.astype(np.int64)), shape=(matrix.height, matrix.width))
 
 
 def _places(matrix: Any) -> tuple[IntArray, IntArray]:
-    """Rows and columns of a matrix's entries, in the order of its values."""
+    """Return rows and columns of a matrix's entries, in the order of its values."""
     found = _csr(matrix)
     return np.repeat(np.arange(matrix.height), np.diff(found.indptr)), found.indices.astype(np.int64)
 
@@ -224,7 +224,7 @@ def _places(matrix: Any) -> tuple[IntArray, IntArray]:
 def deformation_gradients(
     problem: ModuleProblem, scalar: Any, displacement: Array, turn: Array, strain: float
 ) -> Array:
-    """F (m, 27, 3, 3) at the cells' nodes, less the section's rotation.
+    """Return F (m, 27, 3, 3) at the cells' nodes, less the section's rotation.
 
     Args:
         scalar: the H1 space of one displacement component.
@@ -253,7 +253,7 @@ def deformation_gradients(
 
 
 def nodal_fields(material: Material, F: Array, pressure: Array, cells: IntArray) -> dict[str, Array]:
-    """Fields (n,) of `ModuleFields` from F (m, 27, 3, 3) and q (m, 27) in Pa, NaN where the law is not mixed."""
+    """Return fields (n,) of `ModuleFields` from F (m, 27, 3, 3) and q (m, 27) in Pa, NaN for a law without q."""
     J = np.linalg.det(F)
     ratio = np.where(np.isnan(pressure), J, 1 + pressure / material.bulk_modulus_pa)
     seen = (ratio / J)[..., None, None] ** (1 / 3) * F
@@ -297,7 +297,7 @@ class NgsolveSolver(RodSolver):
         super().__init__(problem, Newton(self.system, tolerance), places, (scale,) * len(names))
 
     def fields(self, state: FemState) -> ModuleFields:
-        """Displacement, stress, energy, volume ratio and stretch at the mesh's nodes."""
+        """Return displacement, stress, energy, volume ratio and stretch at the mesh's nodes."""
         mesh, x = self.problem.mesh, state.solution
         turn, strain = self._frame(x)
         shift = self.problem.span_m * x[: 3 * self._scalar.ndof].reshape(3, -1).T
@@ -315,7 +315,7 @@ class NgsolveSolver(RodSolver):
         )
 
     def cavity_volume(self, state: FemState) -> float:
-        """Volume (m³) of the whole module's cavity, of a problem under pressure."""
+        """Return volume (m³) of the whole module's cavity, of a problem under pressure."""
         return state.travel + self.problem.energy_scale * self._travel_at_rest
 
     def _undeformed(self) -> Array:
@@ -340,7 +340,7 @@ class Ngsolve(FEMBackend):
     knows = frozenset({"regions", "ribbons", "tendon", "links", "ties"})
 
     def solver(self, problem: ModuleProblem, material: Material) -> NgsolveSolver:
-        """Raises `UserError` for a frame, actuation, link, material or requirement that this backend does not know."""
+        """Return the solver. Raises `UserError` for a problem or requirement that this backend does not support."""
         self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'ngsolve' solves frame 'rod' only, not '{problem.frame}'.")

@@ -1,4 +1,4 @@
-"""The module's potentials as symbols: what is stored, and what the actuation works on.
+"""The module's potentials as symbols: stored energy, and the conjugates of the actuation.
 
     S = I + ∇v + e e₁⊗e₁,  F = S + (k × ρ) ⊗ S₁,  k = Θ / ((1 + e) L),  ρ = (y + v_y, z + v_z − z₀)
 
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pliant.errors import UserError
-from pliant.interfaces.by_region import region_numbers, solids_of
+from pliant.interfaces.by_region import material_solids
 from pliant.interfaces.material import Material
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.ngsolve.library import ngs
@@ -37,8 +37,8 @@ LARGEST_POWER = 8  # of the stretches in Ogden's law
 
 
 def is_mixed(material: Material) -> bool:
-    """Whether the law is solved with an independent pressure. Raises `UserError` for a law without symbols."""
-    kind = material.config.canonical()["kind"]
+    """Return whether the law is solved with an independent pressure. Raises `UserError` for a law without symbols."""
+    kind = material.resolved.config.canonical()["kind"]
     if kind in COMPRESSIBLE:
         return False
     if kind not in ISOCHORIC:
@@ -51,11 +51,11 @@ def is_mixed(material: Material) -> bool:
 
 
 def density(material: Material, F: Any, q: Any) -> Any:
-    """Energy density (J/m³) of the deformation gradient F (3, 3) and, for a mixed law, the pressure q (Pa).
+    """Return energy density (J/m³) of the deformation gradient F (3, 3) and, for a mixed law, the pressure q (Pa).
 
     Raises `UserError` for a law without symbols.
     """
-    J = ngs.Det(F)
+    J, material = ngs.Det(F), material.resolved
     if not is_mixed(material):
         return COMPRESSIBLE[material.config.canonical()["kind"]](material, F, J)
     isochoric = ISOCHORIC[material.config.canonical()["kind"]](material, F, J)
@@ -63,18 +63,18 @@ def density(material: Material, F: Any, q: Any) -> Any:
 
 
 def _first(F: Any, J: Any) -> Any:
-    """Ī₁ = J^(−2/3) F : F."""
+    """Return Ī₁ = J^(−2/3) F : F."""
     return J ** (-2 / 3) * ngs.InnerProduct(F, F)
 
 
 def _second(F: Any, J: Any) -> Any:
-    """Ī₂ = J^(−4/3) ½ ((F : F)² − C : C)."""
+    """Return Ī₂ = J^(−4/3) ½ ((F : F)² − C : C)."""
     I1, C = ngs.InnerProduct(F, F), F.trans * F
     return J ** (-4 / 3) * 0.5 * (I1 * I1 - ngs.InnerProduct(C, C))
 
 
 def _ogden(material: Material, F: Any, J: Any) -> Any:
-    """Even powers only: Σ λ^2n = tr Cⁿ. Others need the stretches, whose slopes do not exist where two are equal."""
+    """Return Σ λ^2n = tr Cⁿ for even powers. Others need stretches, whose slopes do not exist if two are equal."""
     constants: Any = material.config
     odd = [alpha for alpha in constants.alpha if alpha % 2 or abs(alpha) > LARGEST_POWER]
     if odd:
@@ -108,7 +108,7 @@ def _mooney_rivlin(material: Material, F: Any, J: Any) -> Any:
 
 
 def _ciarlet(material: Material, F: Any, J: Any) -> Any:
-    """μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)², of the solid that the conformance checks use."""
+    """Return μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)², of the solid that the conformance checks use."""
     mu, K = material.shear_modulus_pa, material.bulk_modulus_pa
     log_j = ngs.log(J)
     return mu / 2 * (ngs.InnerProduct(F, F) - 3 - 2 * log_j) + (K - 2 / 3 * mu) / 2 * log_j * log_j
@@ -173,7 +173,7 @@ class Frame:
     strain: Any
 
     def section(self, gradient: Any) -> tuple[Any, Any, Any, tuple[Any, ...]]:
-        """S, ρ_y, ρ_z and k, for the gradient of v in m/m."""
+        """Return S, ρ_y, ρ_z and k, for the gradient of v in m/m."""
         stretch = ngs.CF((self.strain, 0, 0, 0, 0, 0, 0, 0, 0), dims=(3, 3))
         S = ngs.Id(3) + gradient + stretch
         rho_y = ngs.y + self.displacement[1]
@@ -187,13 +187,13 @@ class Frame:
         return S + ngs.CF(tuple(g * S[0, j] for g in carried for j in range(3)), dims=(3, 3))
 
     def cavity(self, gradient: Any) -> Any:
-        """Density of V over the wetted reference faces."""
+        """Return density of V over the wetted reference faces."""
         S, y, z, k = self.section(gradient)
         n = ngs.Cof(S) * ngs.specialcf.normal(3)
         return -(0.5 + (k[1] * z - k[2] * y) / 3) * (y * n[1] + z * n[2])
 
     def ribbons(self) -> Any:
-        """½ EA L ⟨ε²⟩ (J) of all ribbons, ⟨·⟩ over |y| ≤ w/2: odd powers of y vanish, ⟨y²⟩ = w²/12, ⟨y⁴⟩ = w⁴/80."""
+        """Return ½ EA L ⟨ε²⟩ (J) of all ribbons over |y| ≤ w/2: odd powers vanish, ⟨y²⟩ = w²/12, ⟨y⁴⟩ = w⁴/80."""
         L, energy = self.problem.span_m, ngs.CF(0)
         twist, bend = self.turn[0] / L, self.turn[2] / L
         for ribbon in self.problem.ribbons:
@@ -207,7 +207,7 @@ class Frame:
         return energy
 
     def tendon(self) -> Any:
-        """Tendon (m) drawn out of the piece: by how much the hole comes nearer to the mirror plane x = 0.
+        """Return the length (m) of tendon drawn out: the approach of the hole to the mirror plane x = 0.
 
         The hole rises with an end section that moves as one.
         """
@@ -228,7 +228,7 @@ class Frame:
 
 
 def global_names(problem: ModuleProblem) -> tuple[str, ...]:
-    """The numbers that are unknowns beside the fields. Raises `UserError` for axes that do not exist."""
+    """Return the names of the scalar unknowns besides the fields. Raises `UserError` for axes that do not exist."""
     if problem.joint == "prismatic":
         if not problem.stretches or problem.ribbons:
             raise UserError(
@@ -242,8 +242,8 @@ def global_names(problem: ModuleProblem) -> tuple[str, ...]:
 
 
 def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: int) -> Forms:
-    """Space and functionals. Raises `UserError` for a law or actuation without symbols."""
-    names, solids = global_names(problem), solids_of(problem.mesh, material)
+    """Build space and functionals. Raises `UserError` for a law or actuation without symbols."""
+    names, solids = global_names(problem), material_solids(problem.mesh, material)
     where = [ngs.dx] if len(solids) == 1 else [ngs.dx(definedon=_domain(mesh, problem, s)) for s, _ in solids]
     pressures = tuple(
         Pressures(_pressure_space(mesh, problem, cells, order - 1), cells, own.shear_modulus_pa)
@@ -285,12 +285,12 @@ def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: in
 
 
 def _domain(mesh: Any, problem: ModuleProblem, cells: IntArray) -> Any:
-    """The domain of a solid, by one of its cells."""
-    return mesh.Materials(f"{SOLID}{region_numbers(problem.mesh)[cells[0]]}")
+    """Return the domain of a solid, by one of its cells."""
+    return mesh.Materials(f"{SOLID}{problem.mesh.region_numbers[cells[0]]}")
 
 
 def _pressure_space(mesh: Any, problem: ModuleProblem, cells: IntArray, order: int) -> Any:
-    """Continuous within a solid, with unknowns in its cells alone."""
+    """Return a space continuous within a solid, with unknowns in its cells alone."""
     if len(cells) == len(problem.mesh.cells):
         return ngs.H1(mesh, order=order)
     domain = _domain(mesh, problem, cells)

@@ -20,7 +20,6 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from pliant.errors import ContractError, UserError
-from pliant.interfaces.by_region import region_numbers
 from pliant.meshing.hexahedra import FACES, jacobians, sample_points
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
@@ -36,7 +35,7 @@ LATTICE = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range
 
 
 def curved_mesh(mesh: ModuleMesh) -> Any:
-    """The NGSolve mesh; its cells are those of `mesh` in order, its vertices the corner nodes, ascending.
+    """Return the NGSolve mesh; its cells are those of `mesh` in order, its vertices the corner nodes, ascending.
 
     Domains are named `solid0` (the body), `solid1`, … in the order of the mesh's regions; boundary elements `cavity`,
     `end` (of the end section) or `outside`. Raises `ContractError` where a cell is inverted.
@@ -48,7 +47,7 @@ def curved_mesh(mesh: ModuleMesh) -> Any:
     points = {int(node): straight.Add(netgen.MeshPoint(netgen.Pnt(*mesh.nodes_m[node]))) for node in corners}
     for number in range(len(mesh.regions) + 1):
         straight.SetMaterial(number + 1, f"{SOLID}{number}")
-    for number, cell in zip(region_numbers(mesh).tolist(), mesh.cells[:, CORNERS].tolist(), strict=True):
+    for number, cell in zip(mesh.region_numbers.tolist(), mesh.cells[:, CORNERS].tolist(), strict=True):
         straight.Add(netgen.Element3D(number + 1, [points[node] for node in cell]))
     numbers = {}
     for place, name in enumerate((CAVITY, END, OUTSIDE)):
@@ -66,7 +65,7 @@ def curved_mesh(mesh: ModuleMesh) -> Any:
 
 
 def corner_nodes(mesh: ModuleMesh) -> IntArray:
-    """Node ids of the cells' corners, ascending: NGSolve's vertex i is node `corner_nodes(mesh)[i]`."""
+    """Return node ids of the cells' corners, ascending: NGSolve's vertex i is node `corner_nodes(mesh)[i]`."""
     return np.unique(mesh.cells[:, CORNERS])
 
 
@@ -84,7 +83,7 @@ def _bend(made: Any, mesh: ModuleMesh, corners: IntArray) -> None:
 
 
 def nodal_table(space: Any, mesh: ModuleMesh) -> sparse.csr_matrix:
-    """(nodes, unknowns): values of a scalar H1 field at the mesh's nodes."""
+    """Return (nodes, unknowns): values of a scalar H1 field at the mesh's nodes."""
     # one cell for each node
     _, first = np.unique(mesh.cells, return_index=True)
     rows, columns, values = [], [], []
@@ -107,7 +106,7 @@ def nodal_table(space: Any, mesh: ModuleMesh) -> sparse.csr_matrix:
 
 
 def cell_values(space: Any, unknowns: Array, cells: IntArray) -> Array:
-    """(k, 27) values of a scalar field at the nodes of some cells (k,), from all its unknowns."""
+    """Return (k, 27) values of a scalar field at the nodes of some cells (k,), from all its unknowns."""
     values = np.empty((len(cells), 27))
     for place, cell in enumerate(cells.tolist()):
         element = ngs.ElementId(ngs.VOL, cell)
@@ -117,7 +116,7 @@ def cell_values(space: Any, unknowns: Array, cells: IntArray) -> Array:
 
 
 def node_unknowns(space: Any, mesh: ModuleMesh) -> list[IntArray]:
-    """For each mesh node, the scalar unknowns of its vertex, edge, face or cell.
+    """Return for each mesh node the scalar unknowns of its vertex, edge, face or cell.
 
     A field vanishes on an edge or face when those of all the nodes on it do.
     """
@@ -134,12 +133,12 @@ def node_unknowns(space: Any, mesh: ModuleMesh) -> list[IntArray]:
 
 
 def supports(mesh: ModuleMesh) -> dict[int, tuple[int, ...]]:
-    """For each node in the middle of an edge or face, the corner nodes of that edge or face."""
+    """Return for each node in the middle of an edge or face the corner nodes of that edge or face."""
     return {node: ends for ends, node in _between(mesh).items()}
 
 
 def _between(mesh: ModuleMesh) -> dict[tuple[int, ...], int]:
-    """Sorted corner nodes of every edge and face → the node in its middle."""
+    """Map sorted corner nodes of every edge and face to the node in its middle."""
     found: dict[tuple[int, ...], int] = {}
     for place, point in enumerate(np.rint(2 * LATTICE).astype(int)):
         if np.count_nonzero(point == 1) not in (1, 2):
@@ -152,19 +151,19 @@ def _between(mesh: ModuleMesh) -> dict[tuple[int, ...], int]:
 
 
 SAME = 1e-8  # difference of two shape functions' values that is rounding
-# (ξ, η) of sample points inside a face: enough to tell cubic functions apart
+# (ξ, η) of sample points inside a face: enough to distinguish cubic functions
 SAMPLES = np.array([(a, b) for b in np.linspace(0.05, 0.95, 6) for a in np.linspace(0.05, 0.95, 6)])
 
 
 def eliminate(problem: ModuleProblem, scalar: Any, count: int) -> Constraints:
-    """The unknowns left of `count`, of which the first 3 n are those of the displacement components.
+    """Return the map to the independent ones of `count` unknowns, the first 3 n of which are displacement components.
 
     Args:
         problem: names what is fixed, tied and linked.
         scalar: the H1 space (n unknowns) of one component.
         count: unknowns in all, pressures behind the displacements.
 
-    Raises `ContractError` for a set that holds the middle of an edge or face but not its corners, `UserError` for
+    Raises `ContractError` for a set that contains the middle of an edge or face but not its corners, `UserError` for
     links between other things than faces.
     """
     mesh, groups = problem.mesh, Forest(count)
@@ -195,7 +194,7 @@ def _joined(owned: list[IntArray], nodes: list[int]) -> IntArray:
 
 
 def _closed(name: str, mesh: ModuleMesh, ends: dict[int, tuple[int, ...]]) -> list[int]:
-    """A set's nodes. Raises `ContractError` where one stands in the middle of what does not belong to the set."""
+    """Return a set's nodes. Raises `ContractError` for a middle node of an edge or face whose corners are not in it."""
     nodes = [int(node) for node in mesh.node_sets[name]]
     inside = set(nodes)
     for node in nodes:
@@ -208,7 +207,7 @@ def _closed(name: str, mesh: ModuleMesh, ends: dict[int, tuple[int, ...]]) -> li
 
 
 def _linked(link: Link, mesh: ModuleMesh, scalar: Any) -> list[tuple[int, int, float]]:
-    """(first, second, sign) of a scalar field's unknowns on the linked faces. Raises `UserError` for loose nodes."""
+    """Return (first, second, sign) of unknowns on the linked faces. Raises `UserError` for loose nodes."""
     partner = dict(zip(link.first.tolist(), link.second.tolist(), strict=True))
     faces = [face for face in mesh.skin.tolist() if all(node in partner for node in face)]
     loose = set(partner).difference(*faces)
@@ -232,7 +231,7 @@ def _linked(link: Link, mesh: ModuleMesh, scalar: Any) -> list[tuple[int, int, f
 
 
 def _trace(mesh: ModuleMesh, scalar: Any, cell: int, corners: list[int]) -> tuple[IntArray, Array]:
-    """Unknowns of a cell's face and their functions' values (samples, unknowns) inside it."""
+    """Return unknowns of a cell's face and their functions' values (samples, unknowns) inside it."""
     local = [int(np.flatnonzero(mesh.cells[cell] == node)[0]) for node in corners]
     a, b = SAMPLES[:, :1], SAMPLES[:, 1:]
     weights = ((1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b)
@@ -247,7 +246,7 @@ def _trace(mesh: ModuleMesh, scalar: Any, cell: int, corners: list[int]) -> tupl
 def _same_functions(
     first: tuple[IntArray, Array], second: tuple[IntArray, Array]
 ) -> list[tuple[int, int, float]]:
-    """Pairs of unknowns whose functions are equal but for a sign at the linked points."""
+    """Return pairs of unknowns whose functions are equal but for a sign at the linked points."""
     pairs = []
     for unknown, values in zip(first[0].tolist(), first[1].T, strict=True):
         for sign in (1.0, -1.0):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend
 from pliant.interfaces.material import Material, require_regions
-from pliant.records.actuation import Levels, kind_of
+from pliant.records.actuation import Levels, actuation_kind
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
@@ -18,12 +20,12 @@ from pliant_plugins.fem.iteration import SingularMatrixError, Tolerance
 from pliant_plugins.fem.newton import Control, Newton, PathPoint, Reduced
 from pliant_plugins.fem.rod_solver import RodSolver, Touch, field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
-from pliant_plugins.fem.skfem.basis import element_of
-from pliant_plugins.fem.skfem.contact import DEEPEST
+from pliant_plugins.fem.skfem.basis import mesh_element
 from pliant_plugins.fem.skfem.linear import WideningSolver
 from pliant_plugins.fem.skfem.pattern import Terms
-from pliant_plugins.fem.skfem.stops import edges
-from pliant_plugins.fem.skfem.structure import SkfemStructure
+
+if TYPE_CHECKING:
+    from pliant_plugins.fem.skfem.structure import SkfemStructure
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +35,13 @@ class ModuleSystem:
     assembler: Assembler
     linear: WideningSolver
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number G of the active globals."""
         return self.assembler.globals.count
 
     def evaluate(self, x: Array, actuation: Levels) -> PathPoint[Terms] | None:
-        """U to first and W to second order at x; None where a cell is inverted."""
+        """Return U to first and W to second order at x; None if a cell is inverted."""
         if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
             return None
         energy = self.assembler.elastic_energy(x, second=False)
@@ -58,19 +60,19 @@ class ModuleSystem:
         if not np.all(np.isfinite(solved)):
             raise SingularMatrixError("the tangent stiffness is singular")
         full = columns[-G:] - reduced[:, 1 : 1 + G].T @ solved
-        return Reduced.of(solved, full, G)
+        return Reduced.from_condensed(solved, full, G)
 
     def again(self, point: PathPoint[Terms]) -> tuple[Array, Array]:
-        """(r_v, K⁻¹ r_v) with the matrix that was factorised last."""
+        """Return (r_v, K⁻¹ r_v) with the matrix that was factorised last."""
         right = self.assembler.pattern.reduce(point.residual[: -self.count])
         return right, self.linear.again(right[:, None])[:, 0]
 
     def step(self, inner: Array, globals_: Array) -> Array:
-        """The change of x."""
+        """Return the change of x."""
         return np.concatenate([self.assembler.pattern.expand(inner), globals_])
 
     def work(self, point: PathPoint[Terms], step: tuple[Array, Array], control: Control) -> float:
-        """|residual · step| over the unknowns; multipliers count with the other sign."""
+        """Return |residual · step| over the unknowns; multipliers count with the other sign."""
         residual, G = point.residual, self.count
         residual[-G:] = np.where(control.held, 0.0, residual[-G:] + control.effort)
         residual[self.assembler.pressures] *= -1
@@ -78,7 +80,7 @@ class ModuleSystem:
 
 
 def module_fields(assembler: Assembler, x: Array, placed_m: Array) -> ModuleFields:
-    """Displacement to `placed_m` (n, 3), Cauchy stress and stretch at x.
+    """Return displacement to `placed_m` (n, 3), Cauchy stress and stretch at x.
 
     `hydrostatic_pa` is the mean normal stress, positive in tension; `energy_j_m3` per reference volume;
     `volume_ratio` that of the mixed element, ϑ, where it is one.
@@ -97,9 +99,9 @@ def module_fields(assembler: Assembler, x: Array, placed_m: Array) -> ModuleFiel
 
 
 def at_nodes(assembler: Assembler, values: Array) -> Array:
-    """(n,) at nodes from (m, q) at quadrature points."""
+    """Return (n,) values at nodes from (m, q) values at quadrature points."""
     cells, count = assembler.cells, len(assembler.problem.mesh.nodes_m)
-    of = element_of(assembler.problem.mesh.cells)
+    of = mesh_element(assembler.problem.mesh.cells)
     at_nodes = of.solid.doflocs
     at_points = cells.value @ at_nodes
     local = values @ (of.linear(at_nodes) @ np.linalg.pinv(of.linear(at_points))).T
@@ -128,11 +130,11 @@ class SkfemSolver(RodSolver):
         super().__init__(problem, newton, g.places, g.scales)
 
     def fields(self, state: FemState) -> ModuleFields:
-        """Displacement, Cauchy stress and stretch at the nodes."""
+        """Return displacement, Cauchy stress and stretch at the nodes."""
         return module_fields(self.assembler, state.solution, self.deformed_nodes(state))
 
     def cavity_volume(self, state: FemState) -> float:
-        """Volume (m³) of the whole module's cavities."""
+        """Return volume (m³) of the whole module's cavities."""
         places = range(len(self.assembler.faces))
         volumes = [self.assembler.cavity(state.solution, place).value for place in places]
         return self.problem.energy_scale * float(sum(volumes))
@@ -141,6 +143,9 @@ class SkfemSolver(RodSolver):
         contacts = self.assembler.contacts
         if contacts is None:
             return None
+        from pliant_plugins.fem.skfem.contact import DEEPEST
+        from pliant_plugins.fem.skfem.stops import edges
+
         turn, strain = self._frame(x)
         beyond = [depth / contacts.skin.wall_m for depth, _, _ in edges(self.problem, turn, strain)]
         share = max(contacts.deepest(x, strain), *beyond, 0.0)
@@ -162,7 +167,7 @@ def _check_driven(problem: ModuleProblem) -> None:
     """Raise `UserError` for what drives the module and is neither a pressure in a cavity nor the tendon."""
     names = problem.actuations
     for name in names:
-        kind = kind_of(name).name
+        kind = actuation_kind(name).name
         if kind not in ("pressure_pa", "tendon_force_n"):
             raise UserError(
                 f"fem 'skfem' solves modules driven by 'pressure_pa' or 'tendon_force_n', not '{name}'."
@@ -172,7 +177,7 @@ def _check_driven(problem: ModuleProblem) -> None:
         if kind == "pressure_pa" and len(names) > 1 and name not in problem.mesh.cavities:
             known = ", ".join(problem.mesh.cavities) or "none"
             raise UserError(f"the module has no cavity for '{name}'; its mesh names the cavities {known}.")
-    if sum(kind_of(name).name == "tendon_force_n" for name in names) > 1:
+    if sum(actuation_kind(name).name == "tendon_force_n" for name in names) > 1:
         raise UserError(f"fem 'skfem' solves modules of one tendon, and this one has {problem.actuation}.")
 
 
@@ -195,7 +200,7 @@ class Skfem(FEMBackend):
     )
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
-        """Raises `UserError` for another frame, actuation or requirement than this backend knows."""
+        """Return the solver. Raises `UserError` for a frame, actuation or requirement that it does not support."""
         self.check(problem, material)
         if problem.frame != "rod":
             raise UserError(f"fem 'skfem' solves frame 'rod' only, not '{problem.frame}'.")
@@ -203,6 +208,8 @@ class Skfem(FEMBackend):
         return SkfemSolver(self.config, problem, material)
 
     def structure(self, problem: StructureProblem, material: Material) -> SkfemStructure:
-        """A solver for a body of several modules."""
+        """Return a solver for a body of several modules."""
+        from pliant_plugins.fem.skfem.structure import SkfemStructure
+
         require_regions(problem.mesh.regions, material.regions)
         return SkfemStructure(self.config, problem, material)

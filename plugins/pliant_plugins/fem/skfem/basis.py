@@ -28,8 +28,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad, RefTri
 
 from pliant.errors import ContractError
-from pliant.interfaces.by_region import region_numbers
-from pliant.meshing.cells import kind_of, kind_of_faces
+from pliant.meshing.cells import cell_kind, face_cell_kind
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant_plugins.fem.config import Dilatation
@@ -111,7 +110,7 @@ class Element:
     rule: int
 
     def linear(self, points: Array) -> Array:
-        """(n, corners) linear functions at reference points (n, 3)."""
+        """Return (n, corners) linear functions at reference points (n, 3)."""
         return np.stack([self.corners.lbasis(points.T, i)[0] for i in range(self.vertices)], axis=-1)
 
 
@@ -146,23 +145,23 @@ TETRAHEDRON = Element(
 ELEMENTS = {"27-node hexahedra": HEXAHEDRON, "10-node tetrahedra": TETRAHEDRON}
 
 
-def element_of(cells: IntArray) -> Element:
-    """The elements of a mesh's cells. Raises `ContractError` for cells of another kind."""
-    return ELEMENTS[kind_of(cells).name]
+def mesh_element(cells: IntArray) -> Element:
+    """Return the elements of a mesh's cells. Raises `ContractError` for cells of another kind."""
+    return ELEMENTS[cell_kind(cells).name]
 
 
 def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
     """Tabulate the cells. Raises `ContractError` when one is inverted.
 
-    Tetrahedra have no pressures of their own: quadratic ones with one or four per cell lock or are not stable, so that
+    Tetrahedra have no pressures per cell: quadratic ones with one or four per cell lock or are not stable, so that
     *cell* means continuous pressures there.
     """
-    of = element_of(mesh.cells)
+    of = mesh_element(mesh.cells)
     element, count = of.solid, of.vertices
     nodes = np.ascontiguousarray(mesh.cells[:, of.order])
     vertices, corners = np.unique(nodes[:, :count], return_inverse=True)
     corners = corners.reshape(-1, count)
-    # skfem logs a remark about arrays that lie otherwise
+    # skfem logs a warning about arrays with another memory layout
     straight = of.straight(np.ascontiguousarray(mesh.nodes_m[vertices].T), np.ascontiguousarray(corners.T))
     dofs = Dofs(straight, element)
     locations = np.empty((3, dofs.N))
@@ -176,7 +175,7 @@ def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
     pressure: PressureData | None = None
     if dilatation == "continuous" or (dilatation == "cell" and of is TETRAHEDRON):
         # a corner has a pressure for each solid that meets there
-        own, places = np.unique(corners + len(vertices) * region_numbers(mesh)[:, None], return_inverse=True)
+        own, places = np.unique(corners + len(vertices) * mesh.region_numbers[:, None], return_inverse=True)
         at, solids = vertices[own % len(vertices)], own // len(vertices)
         pressure = PressureData(of.linear(basis.X.T)[None], places.reshape(-1, count), len(own), at, solids)
     elif dilatation == "cell":
@@ -188,7 +187,7 @@ def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
 
 def face_data(faces: IntArray) -> FaceData:
     """Tabulate faces, the cavity's or others. Raises `ContractError` for faces of another kind."""
-    of = ELEMENTS[kind_of_faces(faces).name]
+    of = ELEMENTS[face_cell_kind(faces).name]
     point, weight = get_quadrature(of.face_shape, ORDER)
     tables = [of.face.lbasis(point, i) for i in range(len(of.face_order))]
     value = np.stack([value for value, _ in tables], axis=-1)

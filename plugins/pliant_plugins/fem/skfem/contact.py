@@ -1,7 +1,7 @@
-"""Frictionless contact with the mirror planes of a piece: neighbouring walls that meet, each its mirror image.
+"""Frictionless contact of a piece with its mirror planes: each wall meets its own mirror image.
 
 In the rod frame the planes are the sections s = 0 and s = (1 + e) L, whatever the piece's angle, and y = 0 where half
-the width is solved, so that a point of the skin lies beyond one of them by
+the width is solved, so that a point of the skin is beyond one of them by
 
     d = −((1 + e) X + v_x),   d = (1 + e)(X − L) + v_x   or   d = −(Y + v_y),
 
@@ -9,11 +9,11 @@ linear in the unknowns. Contact stores the energy Π_c = ∫ φ(d) dA over the u
 
     φ = μ h d̂³/3,   φ' = μ d̂²,   d̂ = max(d, 0)/h,   h = `GIVE` · wall,
 
-a penalty whose pressure reaches the shear modulus μ where walls have given way by the share `GIVE` of their thickness
+a penalty whose pressure reaches the shear modulus μ when walls are compressed by the share `GIVE` of their thickness
 (penalty contact: Wriggers, Computational Contact Mechanics, 2006, ch. 5). It is C² in the unknowns: forces have a
-potential, tangents are symmetric, slopes are exact, and what does not touch is left as it was, bit for bit. The kink
-that hard walls give the law where they meet is rounded over the pressure that first closes the gap. Walls that meet
-within the piece: `walls`.
+potential, tangents are symmetric, slopes are exact, and without contact results are unchanged bit for bit. The kink of
+the law at first contact of rigid walls is rounded over the pressure that closes the gap. For contact between walls
+inside the piece see `walls`.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ MIRROR = "symmetry"  # node set in the plane y = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
-    """The skin that may touch something; f faces, q points.
+class ContactSkin:
+    """The skin that may come into contact; f faces, q points.
 
     Attributes:
-        faces: quadrature of the skin, without what lies in a plane of symmetry or is held.
+        faces: quadrature of the skin, without faces in a plane of symmetry or on a fixed section.
         weight: (f, q) reference areas.
         wall_m: thickness of the wall, twice the volume over the skin's area.
         shear_pa: μ.
@@ -51,8 +51,8 @@ class Skin:
     shear_pa: float
 
     @staticmethod
-    def of(problem: ModuleProblem, shear_pa: float, volume_m3: float) -> Skin | None:
-        """None where no skin is left."""
+    def from_problem(problem: ModuleProblem, shear_pa: float, volume_m3: float) -> ContactSkin | None:
+        """Build the skin of a problem; None if no faces remain."""
         mesh = problem.mesh
         skin = mesh.skin[~_in_planes(problem)]
         if not len(skin):
@@ -60,10 +60,10 @@ class Skin:
         faces = face_data(skin)
         along = np.einsum("fai,qja->fqji", mesh.nodes_m[faces.nodes], faces.slope)
         area = np.linalg.norm(np.cross(along[..., 0, :], along[..., 1, :]), axis=-1) * faces.weight
-        return Skin(faces, area, 2 * volume_m3 / float(area.sum()), shear_pa)
+        return ContactSkin(faces, area, 2 * volume_m3 / float(area.sum()), shear_pa)
 
     def law(self, depth_m: Array) -> tuple[Array, Array, Array]:
-        """φ (J/m²), φ' (Pa) and φ'' (Pa/m) of a wall that has given way so far."""
+        """Return φ (J/m²), φ' (Pa) and φ'' (Pa/m) of a wall at a penetration."""
         h = GIVE * self.wall_m
         beyond = np.maximum(depth_m, 0.0) / h
         return (
@@ -83,13 +83,13 @@ class PlaneContact:
         ahead_m: (n, f, q) how far the points are beyond each plane at rest.
     """
 
-    skin: Skin
+    skin: ContactSkin
     normal: Array
     ahead_m: Array
 
     @staticmethod
-    def of(problem: ModuleProblem, skin: Skin) -> PlaneContact | None:
-        """None for a problem without planes."""
+    def from_problem(problem: ModuleProblem, skin: ContactSkin) -> PlaneContact | None:
+        """Build the contact planes of a problem; None for one without planes."""
         nodes = problem.mesh.nodes_m[skin.faces.nodes]
         X, Y = (nodes[..., c] @ skin.faces.value.T for c in (0, 1))
         planes = {"start": ((-1.0, 0.0), -X), "end": ((1.0, 0.0), X - problem.span_m)}
@@ -102,21 +102,21 @@ class PlaneContact:
         return PlaneContact(skin, np.array(normal), np.array(ahead))
 
     def depth(self, x: Array, strain: float) -> Array:
-        """(n, f, q) by how much points lie beyond each plane, m; negative before it."""
+        """Return (n, f, q) distances of points beyond each plane, m; negative before it."""
         dofs, value = 3 * self.skin.faces.nodes, self.skin.faces.value.T
         moved = np.stack([x[dofs] @ value, x[dofs + 1] @ value])
         return np.asarray(self._stretch(strain) * self.ahead_m + np.tensordot(self.normal, moved, axes=1))
 
     def _stretch(self, strain: float) -> Array:
-        """(n, 1, 1): 1 + e across sections, 1 else."""
+        """Return (n, 1, 1): 1 + e across sections, 1 else."""
         return (1 + strain * np.abs(self.normal[:, 0]))[:, None, None]
 
     def deepest(self, x: Array, strain: float) -> float:
-        """Largest share of the wall by which one has given way, 0 where nothing touches."""
+        """Return the largest compression as a share of the wall, 0 without contact."""
         return max(float(self.depth(x, strain).max()) / self.skin.wall_m, 0.0)
 
     def energy(self, x: Array, active: Globals) -> Pointwise | None:
-        """φ in (v_x, v_y, globals) at the skin's points, all planes together; None where nothing touches."""
+        """Return φ in (v_x, v_y, globals) at the skin's points, all planes together; None without contact."""
         depth = self.depth(x, active.split(x)[1])
         if not np.any(depth > 0):
             return None
@@ -134,7 +134,7 @@ class PlaneContact:
 
 
 def _in_planes(problem: ModuleProblem) -> NDArray[np.bool_]:
-    """(g,) which faces of the skin are cuts: all of their nodes in one section or one set that is held."""
+    """Return (g,) which faces of the skin are cuts: all of their nodes in one section or one fixed set."""
     mesh, cuts = problem.mesh, np.zeros(len(problem.mesh.skin), bool)
     for name in {"start", "end", *problem.fixed}:
         if name in mesh.node_sets:

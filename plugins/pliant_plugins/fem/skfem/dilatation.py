@@ -1,7 +1,7 @@
-"""Dilatation: what keeps nearly incompressible quadratic cells from locking.
+"""Dilatation unknowns that prevent locking of nearly incompressible quadratic cells.
 
-The volume ratio becomes an unknown ϑ of its own, a function that the displacements can follow, and its multiplier
-q the pressure. With F̂ = (ϑ/J)^⅓ F the density is that of Hu and Washizu, for any law W:
+The volume ratio becomes a separate unknown ϑ, in a space that the displacements can represent, and its multiplier q is
+the pressure. With F̂ = (ϑ/J)^⅓ F the density is that of Hu and Washizu, for any law W:
 
     W(F̂) + q (J − ϑ)
 
@@ -34,7 +34,7 @@ class Dilatation:
 
 
 def cell_modes(points: Array, weight: Array) -> Array:
-    """Functions {1, X, Y, Z} made orthogonal on each cell: points (m, q, 3), weight (m, q) → (m, q, 4), of size 1."""
+    """Orthonormalise {1, X, Y, Z} on each cell: points (m, q, 3), weight (m, q) → (m, q, 4)."""
     volume = weight.sum(axis=1)[:, None, None]
     centre = np.einsum("mq,mqi->mi", weight, points)[:, None] / volume
     linear = points - centre
@@ -47,7 +47,7 @@ def cell_modes(points: Array, weight: Array) -> Array:
 def mixed(
     material: Material, F: Array, growth: Array, pressure: Array, second: bool = True
 ) -> Dilatation | None:
-    """W(F̂) + q (J − ϑ) at F (m, q, 3, 3), ϑ − 1 and q/K (m, q); `None` where J or ϑ is not positive.
+    """Return W(F̂) + q (J − ϑ) at F (m, q, 3, 3), ϑ − 1 and q/K (m, q); `None` where J or ϑ is not positive.
 
     With G = F⁻ᵀ, ρ = (ϑ/J)^⅓, P = ρ P̂ and A = ρ² Â of the law at F̂ = ρF, m = P:F / 3, γ = F:A:F/9 + m/3 + qJ:
     ∂W/∂F = P − m G + q J G, ∂W/∂ϑ = m/ϑ − q,
@@ -69,7 +69,7 @@ def mixed(
 
 
 def pointwise(material: Material, F: Array) -> Dilatation | None:
-    """W(F) itself: what a plain displacement cell integrates; `None` where J is not positive."""
+    """Return W(F) itself, for plain displacement cells; `None` if J is not positive."""
     if not np.all(np.linalg.det(F) > 0):
         return None
     law, shape = material.evaluate(F), (*F.shape[:-2], 9)

@@ -1,4 +1,4 @@
-"""Threads in the solid: an energy of the stretch along a direction, beside that of the cells' own material.
+"""Threads in the solid: an energy of the stretch along a direction, added to that of the cells' material.
 
 w = ½ κ (λ − 1)², λ = |F d|, n = F d / λ, hence P = κ (λ − 1) n ⊗ d and, with 1 the unit tensor,
 
@@ -18,7 +18,7 @@ from pliant_plugins.fem.skfem.basis import CellData
 
 
 def with_fibres(material: Material, fibres: Sequence[Fibres], mesh: ModuleMesh, data: CellData) -> Material:
-    """The material itself without fibres, else the one that has them at the cells' quadrature points."""
+    """Return the material with fibres at the cells' quadrature points; unchanged without fibres."""
     if not fibres:
         return material
     # place in a cell's own nodes of each of scikit-fem's

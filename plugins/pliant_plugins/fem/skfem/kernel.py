@@ -19,7 +19,7 @@ def mixed_law(
     F: Array, G: Array, J: Array, theta: Array, rho: Array, pressure: Array, K: Array, law_stress: Array,
     law_tangent: Array, stress: Array, tangent: Array,
 ) -> None:  # fmt: skip
-    """Stress (n, 11) and tangent (n, 11, 11) of W(F̂) + q (J − ϑ) from P̂ (n, 9), Â (n, 9, 9) at F̂ = ρ F.
+    """Compute stress (n, 11) and tangent (n, 11, 11) of W(F̂) + q (J − ϑ) from P̂ (n, 9), Â (n, 9, 9), F̂ = ρ F.
 
     `pressure` (n,) is q/K, and `stress` and `tangent` are by (F, ϑ, q/K); a tangent of no rows is left out. Formulas:
     `dilatation.mixed`.
@@ -63,10 +63,11 @@ def law_slopes(
     stress: Array, tangent: Array, g: Array, dg: Array, first: Array, bilinear: Array,
     S: IntArray, frame: IntArray, volume: int, strain: int, gradient: Array, hessian: Array,
 ) -> None:  # fmt: skip
-    """A law's stress (n, N) and tangent (n, N, N) in the variables: gradient (n, v), Hessian (n, v, v) or of no rows.
+    """Transform a law's stress (n, N) and tangent (n, N, N) to the variables: gradient (n, v), Hessian (n, v, v) or
+    empty.
 
     With F = S + g ⊗ S₁ the slope of F by the variables is D, and H = Dᵀ A D + P : ∂²F; `volume` and `strain` are the
-    places of ϑ and e, −1 where there are none.
+    indices of ϑ and e, −1 if absent.
     """
     N, count, rows, used = stress.shape[1], gradient.shape[1], g.shape[1], len(frame)
     D, AD = np.zeros((N, count)), np.empty((N, count))
@@ -128,16 +129,16 @@ def projected(
     volume: int, strain: int, count: int, weight: Array, slopes: Array, value: Array, modes: Array, wide_y: bool,
     wide_z: bool, columns: Array, chosen: IntArray, slot: IntArray, factor: Array, totals: Array,
 ) -> None:  # fmt: skip
-    """A law's slopes at the points of cells, summed into the cells' vectors and into the matrix.
+    """Sum a law's slopes at the points of cells into the cells' vectors and into the matrix.
 
-    Cell by cell, so that what is large stays in the cache.
+    It works cell by cell, so that large arrays stay in the cache.
 
     Args:
         stress, tangent: (m, q, N) and (m, q, N, N), or a tangent of no cells; with g … strain of `count` variables as
             `law_slopes` takes them.
         weight: (m, q) volumes.
         slopes, value: (m, q, 3, n) and (q, n) of the displacements' functions.
-        modes: (m or 1, q, k) of volume's and pressure's, k = 0 where there are none.
+        modes: (m or 1, q, k) of volume's and pressure's functions, k = 0 without them.
         wide_y, wide_z: whether ρ_y, ρ_z are variables.
         columns: (m, 3 n + 2 k + G, 1 + G) out: gradient and the Hessian's columns of the globals.
         chosen, slot, factor: of `pattern.Scatter`, in the order of the cells; a factor of no entries is 1.
@@ -233,6 +234,6 @@ def projected(
 
 @njit(cache=True)
 def scattered(entries: Array, chosen: IntArray, slot: IntArray, factor: Array, totals: Array) -> None:
-    """totals[slot] += factor · entries[chosen]; a factor of no entries is 1."""
+    """Add factor · entries[chosen] to totals[slot]; a factor without entries is 1."""
     for i in range(len(chosen)):
         totals[slot[i]] += entries[chosen[i]] * (factor[i] if len(factor) else 1.0)

@@ -1,11 +1,11 @@
-"""The rod frame: how a piece between two cross-sections turns by the rotation vector Θ.
+"""The rod frame: kinematics of a piece whose end sections are turned relative to each other by the rotation vector Θ.
 
     x = r(s₁) + R(s₁) (0, ρ),  R' = R [k]×,  k = Θ / ((1 + e) L)      the line is a helix, k constant
     s₁ = (1 + e) X + v_x,  ρ = (Y + v_y, Z + v_z − z₀)                section coordinates of a material point
     F = S + g ⊗ S₁,  S = I + ∇v + e e₁⊗e₁,  g = k × ρ                 deformation gradient, less the rotation R
 
-With v_x = 0 on both end planes they stay plane, and the end section is turned by exactly Θ; Θ and e are
-unknowns beside v. The section's rotation drops out of any objective energy. S₁ is the first row of S.
+With v_x = 0 on both end planes they stay plane, and the end section is turned by exactly Θ; Θ and e are unknowns in
+addition to v. The section's rotation cancels in any objective energy. S₁ is the first row of S.
 
 At a point everything depends on S, ρ, k and e (`Variables`): this module gives a density's value, gradient and
 Hessian in them; `assembly` carries those to the nodes, `Globals.chain` from k to Θ.
@@ -39,13 +39,13 @@ class Pointwise:
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """Order of the variables (S₁ | S₂, ρ_y | S₃, ρ_z | ϑ | q | k, e), those left out that a problem does not need.
+    """Order of the variables (S₁ | S₂, ρ_y | S₃, ρ_z | ϑ | q | k, e), without those that a problem does not need.
 
     Attributes:
         S: (9,) places of S, row by row.
         frame: places of those of (ρ_y, ρ_z, k_x, k_y, k_z) that are used; `used` their indices there.
         lateral: whether ρ_y, ρ_z are used.
-        rows: rows of F that the frame changes beside S: 1 without twist, else 3.
+        rows: rows of F that the frame changes in addition to S: 1 without twist, else 3.
         volume: place of the mixed element's ϑ, its q the next, or None.
         strain: place of e, or None.
         count: number of variables.
@@ -61,8 +61,8 @@ class Variables:
     count: int
 
     @staticmethod
-    def of(active: Globals, mixed: bool = False) -> Variables:
-        """The variables that the active globals and, if it is `mixed`, the element need."""
+    def from_globals(active: Globals, mixed: bool = False) -> Variables:
+        """Return the variables that the active globals and, if it is `mixed`, the element need."""
         twist, up, side = (i in active.turns for i in range(3))
         y, z = twist or side, twist or up
         S = np.array([0, 1, 2, 3, 4, 5, 6 + y, 7 + y, 8 + y])
@@ -94,7 +94,7 @@ class RodMotion:
 
 
 def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) -> RodMotion:
-    """F at S (m, q, 3, 3), without e, and ρ (m, q, 2)."""
+    """Return F at S (m, q, 3, 3), without e, and ρ (m, q, 2)."""
     rows = variables.rows
     bilinear = CROSS[:rows][:, variables.used][:, :, variables.used]
     point = np.concatenate([rho, np.broadcast_to(k, (*rho.shape[:-1], 3))], axis=-1)[..., variables.used]

@@ -28,7 +28,7 @@ ACCURATE = 1e-9  # largest residual of a linear solution / its right-hand side
 
 
 class LinearSolver(Protocol):
-    """Solves K Z = B for values of K on the pattern that it was made for."""
+    """A solver of K Z = B for values of K on a fixed pattern."""
 
     name: str
 
@@ -68,9 +68,9 @@ class Pardiso:
         self._pattern, self._analysed, self._scaled = pattern, False, False
 
     def solve(self, values: Array, right: Array) -> Array:
-        """As `LinearSolver`; where pivots lose accuracy, as stiff threads make them, rows are scaled and matched first.
+        """Solve as `LinearSolver`; if pivots lose accuracy, as with stiff threads, scale and match the rows first.
 
-        Once that was needed it stays.
+        Scaling stays on once it was needed.
         """
         n = self._pattern.size
         matrix = sparse.csr_matrix((values, self._pattern.indices, self._pattern.indptr), shape=(n, n))
@@ -110,7 +110,7 @@ class Pardiso:
 
 @functools.cache
 def _mkl_library() -> str | None:
-    """Where the installed distribution `mkl` keeps its library, if it is installed."""
+    """Return the path of the library of the distribution `mkl`; None if it is not installed."""
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
@@ -121,7 +121,7 @@ def _mkl_library() -> str | None:
 
 @contextlib.contextmanager
 def _library_found() -> Iterator[None]:
-    """pypardiso is told where MKL is; left alone it searches the whole installation, a second each time."""
+    """Pass the path of MKL to pypardiso, which otherwise searches the whole installation, a second each time."""
     place, name = _mkl_library(), "PYPARDISO_MKL_RT"
     if place is None or name in os.environ:
         yield
@@ -134,9 +134,10 @@ def _library_found() -> Iterator[None]:
 
 
 def _accurate(upper: Any, found: Array, right: Array) -> bool:
-    """Whether what is left of the right-hand sides, each scaled to 1, is small; plain problems leave 1e-13.
+    """Return whether the residual of the right-hand sides, each scaled to 1, is small; it is 1e-13 in ordinary
+    problems.
 
-    Their sum is looked at: products with the matrix cost a quarter of a factorisation.
+    Only their sum is checked: products with the matrix cost a quarter of a factorisation.
     """
     largest = np.abs(right).max(axis=0)
     scale = np.divide(1.0, largest, out=np.zeros_like(largest), where=largest > 0)
@@ -169,7 +170,7 @@ class SuperLU:
         return self._factor(right)
 
 
-Factor = Callable[[Array], Array]  # from right-hand sides (n, k) to what they give
+Factor = Callable[[Array], Array]  # from right-hand sides (n, k) to solutions
 
 
 def _factorised(matrix: Any) -> Factor:
@@ -210,7 +211,7 @@ def _eliminated(matrix: Any, count: int) -> Factor:
 
 
 def linear_solver(kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern) -> LinearSolver:
-    """The solver of that name; `auto` takes pardiso where it works. Raises `MissingDependencyError`."""
+    """Return the solver of that name; `auto` uses pardiso if it works. Raises `MissingDependencyError`."""
     if kind == "superlu":
         return SuperLU(pattern)
     if kind == "pardiso":
@@ -224,7 +225,7 @@ def linear_solver(kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern)
 
 
 class WideningSolver:
-    """Takes what walls that meet couple, too: a second solver whose pattern grows by it. The first is as it was."""
+    """Solver with couplings by contact: a second solver has a pattern that grows by them, the first is unchanged."""
 
     def __init__(self, kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern) -> None:
         self._kind: Literal["auto", "pardiso", "superlu"] = kind
@@ -234,11 +235,11 @@ class WideningSolver:
 
     @property
     def name(self) -> str:
-        """Of the code that solves."""
+        """Return the name of the solving code."""
         return self._first.name
 
     def solve(self, values: Array, right: Array, coupling: Coupling | None = None) -> Array:
-        """As `LinearSolver`, with the coupling added to the matrix."""
+        """Solve as `LinearSolver`, with the coupling added to the matrix."""
         if coupling is None:
             self._last = self._first
             return self._first.solve(values, right)
@@ -256,5 +257,5 @@ class WideningSolver:
         return self._wide.solve(full, right)
 
     def again(self, right: Array) -> Array:
-        """As `LinearSolver`."""
+        """Solve for another right-hand side, as `LinearSolver`."""
         return self._last.again(right)

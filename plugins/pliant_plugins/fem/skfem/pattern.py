@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,23 +41,23 @@ class Pattern:
         return np.asarray(np.repeat(np.arange(self.size), np.diff(self.indptr)) * self.size + self.indices)
 
     def with_keys(self, keys: IntArray) -> Pattern:
-        """The same unknowns with other entries."""
+        """Return a pattern of the same unknowns with other entries."""
         rows = np.bincount(keys // self.size, minlength=self.size)
         indptr = np.concatenate([[0], np.cumsum(rows)])
         return replace(self, indptr=indptr, indices=keys % self.size)
 
     def expand(self, unknowns: Array) -> Array:
-        """All dofs from the unknowns (n,) or (n, k)."""
+        """Return all dofs from the unknowns (n,) or (n, k)."""
         return np.asarray(self.spread @ unknowns)
 
     def reduce(self, forces: Array) -> Array:
-        """What is conjugate to the unknowns, from what is conjugate to the dofs (size, k)."""
+        """Return the conjugates of the unknowns from those of the dofs (size, k)."""
         return np.asarray(self.spread.T @ forces)
 
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Where local entries go.
+    """Destinations of local entries.
 
     Attributes:
         dofs: (m, k).
@@ -71,19 +72,19 @@ class Scatter:
     factor: Array | None
 
     def values(self, local: Array, count: int) -> Array:
-        """The matrix's values (count,) from local matrices (m, k, k)."""
+        """Return the matrix's values (count,) from local matrices (m, k, k)."""
         totals, factor = np.zeros(count), np.ones(0) if self.factor is None else self.factor
         scattered(np.ascontiguousarray(local).reshape(-1), self.chosen, self.slot, factor, totals)
         return totals
 
     def totals(self, local: Array, size: int) -> Array:
-        """Sums over the dofs (size, k) of local columns (m, dofs, k)."""
+        """Return sums over the dofs (size, k) of local columns (m, dofs, k)."""
         flat = self.dofs.ravel()
         return np.column_stack([np.bincount(flat, c.ravel(), size) for c in np.moveaxis(local, -1, 0)])
 
 
 def distinct(keys: IntArray) -> IntArray:
-    """Sorted and each once; several times quicker than NumPy's, which hashes."""
+    """Return sorted unique values; several times faster than NumPy's, which hashes."""
     ordered = np.sort(keys)
     return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(keys) else ordered
 
@@ -91,7 +92,7 @@ def distinct(keys: IntArray) -> IntArray:
 def sparsity(
     constraints: Constraints, groups: list[IntArray], cellwise: int = 0
 ) -> tuple[Pattern, list[Scatter]]:
-    """The matrix's pattern for groups of local dofs (m, k), and each group's scatter."""
+    """Return the matrix's pattern for groups of local dofs (m, k), and each group's scatter."""
     number, sign, n = constraints.number, constraints.sign, len(constraints.first)
     entries = []
     for dofs in groups:
@@ -129,7 +130,7 @@ class Terms:
         gradient: (n + G,) over all dofs, fixed ones too.
         matrix: (nnz,) Hessian over the unknowns, upper triangle on the `Pattern`; of a `slope` nothing.
         border: (n + G, G) Hessian's columns of the globals; of a `slope` no columns.
-        coupling: more of the Hessian over the unknowns, on a pattern of its own: walls that meet.
+        coupling: further part of the Hessian over the unknowns, on a separate pattern: contact of walls.
     """
 
     value: float
@@ -144,7 +145,7 @@ class Terms:
         return Terms(self.value, self.gradient, self.matrix[:0], self.border[:, :0])
 
     def plus(self, factor: float, other: Terms) -> Terms:
-        """self + factor · other, of which only self may couple."""
+        """Return self + factor · other, of which only self may couple."""
         assert other.coupling is None
         return Terms(
             self.value + factor * other.value,
@@ -153,3 +154,39 @@ class Terms:
             self.border + factor * other.border,
             self.coupling,
         )
+
+
+class Rows:
+    """Rows B_c of a density's variables g: blocks (1 or m, q, rows, nodes), one for each component c.
+
+    Attributes:
+        blocks: by component.
+        spans: places of each component's variables in g.
+    """
+
+    def __init__(self, *blocks: Array) -> None:
+        self.blocks = blocks
+        ends = np.cumsum([0] + [block.shape[2] for block in blocks])
+        self.spans = [slice(a, b) for a, b in itertools.pairwise(ends)]
+
+    def project(self, columns: Array) -> Array:
+        """Return Σ_q B_cᵀ columns: (m, local dofs + G, k), component by component, then the plain sums of globals."""
+        m, _, _, k = columns.shape
+        parts = []
+        for block, span in zip(self.blocks, self.spans, strict=True):
+            flat = block.reshape(block.shape[0], -1, block.shape[-1])
+            parts.append(np.swapaxes(flat, 1, 2) @ columns[:, :, span].reshape(m, -1, k))
+        return np.concatenate([*parts, columns[:, :, self.spans[-1].stop :].sum(axis=1)], axis=1)
+
+    def stiffness(self, hessian: Array) -> Array:
+        """Return Σ_q Bᵀ H B: (m, n, n) over local dofs, by component; blocks below the diagonal stay zero."""
+        m, spans = len(hessian), self.spans
+        ends = np.cumsum([0] + [block.shape[-1] for block in self.blocks])
+        out = np.zeros((m, ends[-1], ends[-1]))
+        for d, right in enumerate(self.blocks):
+            for c, left in enumerate(self.blocks[: d + 1]):
+                product = (hessian[:, :, spans[c], spans[d]] @ right).reshape(m, -1, right.shape[-1])
+                flat = left.reshape(left.shape[0], -1, left.shape[-1])
+                block = np.swapaxes(flat, 1, 2) @ product
+                out[:, ends[c] : ends[c + 1], ends[d] : ends[d + 1]] = block
+        return out

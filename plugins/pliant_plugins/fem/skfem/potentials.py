@@ -1,4 +1,4 @@
-"""Potentials beside the solid's: of pressure, of a tendon's force, of ribbons.
+"""Potentials other than the solid's: of pressure, of a tendon's force, of ribbons.
 
 The cavity's volume as the potential of pressure: Π = U − p V.
 
@@ -13,7 +13,7 @@ the axial strain adds e ∂X/∂a.
 
 The tendon's path as the potential of its force: Π = U − T W.
 
-The hole stands x_m beyond the end section at height z_m and moves with it. With A(Θ) = ∫₀¹ exp(t [Θ]×) dt and
+The hole is x_m beyond the end section at height z_m and moves with it. With A(Θ) = ∫₀¹ exp(t [Θ]×) dt and
 R = exp([Θ]×) its x in the start section's frame is
 
     B = e₁·((1 + e) L A e₁ + R (x_m, 0, h)),   h = z_m + c − z₀
@@ -21,8 +21,8 @@ R = exp([Θ]×) its x in the start section's frame is
 
 f₀ = sin φ/φ, f₁ = (1 − cos φ)/φ², f₂ = (φ − sin φ)/φ³ of φ = |Θ|, and c the end section's own rise where it is
 tied as one. For a bend alone B = (1 + e) L sin θ/θ + h sin θ + x_m cos θ. The tendon crosses the mirror plane
-x = 0 at a right angle, so that W = B(rest) − B is what this piece draws out. It is exact for motions that keep
-the mirror symmetry: bending about y and z.
+x = 0 at a right angle, so that W = B(rest) − B is the length that this piece draws out. It is exact for motions that
+keep the mirror symmetry: bending about y and z.
 
 Ribbons at the height of the reference line store energies of the rod's globals alone."""
 
@@ -42,7 +42,7 @@ SA, SB, Y, ZA, ZB, Z, FRAME = range(7)
 
 
 def volume(active: Globals, slopes: Array, rho: Array, X: Array, k: Array, strain: float) -> Pointwise:
-    """Density −ρ_y h n_y per da db.
+    """Return density −ρ_y h n_y per da db.
 
     Shapes: slopes (f, q, 3, 2) of (s, y, z) along a and b, without e; ρ (f, q, 2); X (f, q, 2) slopes of X.
     """
@@ -56,7 +56,7 @@ def volume(active: Globals, slopes: Array, rho: Array, X: Array, k: Array, strai
 
 
 def _potential(active: Globals, rho: Array, k: Array) -> tuple[Array, Array, Array]:
-    """f = ρ_y h and its first and second derivatives."""
+    """Return f = ρ_y h and its first and second derivatives."""
     y, z = rho[..., 0], rho[..., 1]
     n = FRAME + active.count
     first, second = np.zeros((*y.shape, n)), np.zeros((*y.shape, n, n))
@@ -75,7 +75,7 @@ def _potential(active: Globals, rho: Array, k: Array) -> tuple[Array, Array, Arr
 
 
 def _normal(active: Globals, slopes: Array, X: Array, strain: float) -> tuple[Array, Array, Array]:
-    """n_y = z_a s_b − s_a z_b and its first and second derivatives."""
+    """Return n_y = z_a s_b − s_a z_b and its first and second derivatives."""
     za, zb = slopes[..., 2, :].transpose(2, 0, 1)
     Xa, Xb = X.transpose(2, 0, 1)
     sa, sb = slopes[..., 0, 0] + strain * Xa, slopes[..., 0, 1] + strain * Xb
@@ -103,7 +103,7 @@ SERIES = tuple(
 def drawn(
     tendon: Tendon, span_m: float, reference_z_m: float, turn: Array, strain: float, rise: float
 ) -> tuple[float, Array, Array]:
-    """W (m) with its gradient (5,) and Hessian (5, 5) in (Θ_x, Θ_y, Θ_z, e, c)."""
+    """Return W (m) with its gradient (5,) and Hessian (5, 5) in (Θ_x, Θ_y, Θ_z, e, c)."""
     h = tendon.z_m - reference_z_m + rise
     length, x = (1 + strain) * span_m, tendon.x_m
     f0, f1, f2 = (_function(k, turn) for k in range(3))
@@ -125,7 +125,7 @@ Jet = tuple[float, Array, Array]  # value, gradient (3,), Hessian (3, 3) in Θ
 
 
 def _function(k: int, turn: Array) -> Jet:
-    """The series f_k(Θ·Θ) with its gradient and Hessian by Θ."""
+    """Return the series f_k(Θ·Θ) with its gradient and Hessian by Θ."""
     s = float(turn @ turn)
     f, df, ddf = (float(p(s)) for p in SERIES[k])
     return f, 2 * df * turn, 2 * df * np.eye(3) + 4 * ddf * np.outer(turn, turn)
@@ -150,7 +150,7 @@ def _sum(a: Jet, b: Jet) -> Jet:
 
 
 def ribbon_energy(ribbon: Ribbon, span_m: float, turn: Array, strain: float) -> tuple[float, Array, Array]:
-    """½ EA L ⟨ε²⟩ with its gradient (4,) and Hessian (4, 4) in (Θ_x, Θ_y, Θ_z, e).
+    """Return ½ EA L ⟨ε²⟩ with its gradient (4,) and Hessian (4, 4) in (Θ_x, Θ_y, Θ_z, e).
 
     A fibre at y has the strain ε = e − a y + b y², a = Θ_z / L, b = Θ_x² / (2 L²); with the width's moments
     m₂ = w²/12 and m₄ = w⁴/80, ⟨ε²⟩ = e² + a² m₂ + b² m₄ + 2 e b m₂.

@@ -42,7 +42,7 @@ class BodyPoint:
 
 
 class SkfemStructure(StructureSolver):
-    """Newton's method for one body; a state's `solution` holds the displacements (m) node by node."""
+    """Newton's method for one body; a state's `solution` contains the displacements (m) node by node."""
 
     def __init__(self, config: SkfemConfig, problem: StructureProblem, material: Material) -> None:
         self.problem, self.config = problem, config
@@ -67,7 +67,7 @@ class SkfemStructure(StructureSolver):
             self._spread[3 * problem.tip + component, component] = self.share * problem.tip_shares
 
     def rest(self) -> StructureState:
-        """The body as it was made."""
+        """Return the undeformed state."""
         point = self.point(np.zeros(self.assembler.size))
         assert point is not None  # the mesh is sound
         return self._state(point, np.zeros(4), 0, time.perf_counter())
@@ -101,27 +101,27 @@ class SkfemStructure(StructureSolver):
         return self._state(end, target, count, begun)
 
     def deformed_nodes(self, state: StructureState) -> Array:
-        """(n, 3) node positions in m."""
+        """Return (n, 3) node positions in m."""
         return self.assembler.positions(state.solution)
 
     def _step(
         self, start: BodyPoint, before: Load, load: Load, final: bool, patient: bool
     ) -> tuple[BodyPoint, int]:
-        """Tangent predictor, then corrections."""
+        """Predict along the tangent, then correct."""
         rise = self.push(start, load) - self.push(start, before)
         predicted = self.point(start.x - self.solve(start, before, self.residual(start, before) - rise))
         return _ToLoad(self, load).converged(predicted, self.tolerance, final, patient)
 
     def push(self, point: BodyPoint, load: Load) -> Array:
-        """Generalised force of the loads at a point."""
+        """Return generalised force of the loads at a point."""
         return np.asarray(load[0] * point.cavity.gradient + self._spread @ load[1:])
 
     def residual(self, point: BodyPoint, load: Load) -> Array:
-        """Gradient ∂Π/∂v (n,) of the potential by the displacements, N."""
+        """Return gradient ∂Π/∂v (n,) of the potential by the displacements, N."""
         return point.energy.gradient - self.push(point, load)
 
     def solve(self, point: BodyPoint, load: Load, right: Array) -> Array:
-        """K⁻¹ right on the free displacements, zero on the others."""
+        """Return K⁻¹ right on the free displacements, zero on the others."""
         pattern = self.assembler.pattern
         potential = point.energy.plus(-load[0], point.cavity)
         out = pattern.expand(self.linear.solve(potential.matrix, pattern.reduce(right[:, None]))[:, 0])
@@ -130,7 +130,7 @@ class SkfemStructure(StructureSolver):
         return out
 
     def point(self, x: Array) -> BodyPoint | None:
-        """U and V to second order at x; None where a cell is inverted."""
+        """Return U and V to second order at x; None where a cell is inverted."""
         if not np.all(np.isfinite(x)):
             return None
         energy = self.assembler.strain_energy(x)

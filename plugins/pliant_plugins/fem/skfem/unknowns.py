@@ -1,4 +1,4 @@
-"""What a module is solved for: nodal displacements under constraints, and the rod's globals (Θ, e).
+"""Unknowns of a module: nodal displacements under constraints, and the rod's globals (Θ, e).
 
 x = (v, ϑ − 1, q/K, globals): three displacements per node, node by node; volume ratios and pressures where the element
 is a mixed one; then the active ones of Θ_x, Θ_y, Θ_z, e in that order.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,8 +42,8 @@ class Globals:
     scales: tuple[float, ...]
 
     @staticmethod
-    def of(problem: ModuleProblem) -> Globals:
-        """Raises `UserError` for axes that the joint cannot have."""
+    def from_problem(problem: ModuleProblem) -> Globals:
+        """Number the unknowns. Raises `UserError` for axes that the joint cannot have."""
         axes, scale = problem.axes, problem.deformation_scale
         if axes and problem.main_axis not in axes:
             raise UserError(f"main axis '{problem.main_axis}' is not among the module's axes {list(axes)}.")
@@ -60,35 +61,38 @@ class Globals:
         scales = tuple(scale * problem.span_m if number == STRAIN else scale for number in numbers)
         return Globals(problem.span_m, active, axes, places, scales)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """G, the number of active globals."""
         return len(self.active)
 
-    @property
+    @cached_property
     def turns(self) -> tuple[int, ...]:
         """Components of Θ that are active."""
         return tuple(i for i in self.active if i != STRAIN)
 
-    @property
+    @cached_property
     def stretches(self) -> bool:
-        """Whether e is active."""
+        """Return whether e is active."""
         return STRAIN in self.active
 
     def split(self, x: Array) -> tuple[Array, float]:
-        """(Θ (3,), e) of x."""
+        """Return (Θ (3,), e) of x."""
         full = np.zeros(4)
         full[list(self.active)] = x[len(x) - self.count :]
         return full[:3], float(full[STRAIN])
 
     def curvature(self, x: Array) -> tuple[Array, float]:
-        """(k (3,), e) of x, k = Θ / ((1 + e) L)."""
+        """Return (k (3,), e) of x, k = Θ / ((1 + e) L)."""
         turn, strain = self.split(x)
         return turn / ((1 + strain) * self.span_m), strain
 
-    def chain(self, x: Array, gradient: Array, border: Array) -> tuple[Array, Array]:
-        """Derivatives in (v, k, e) to those in (v, Θ, e): gradient (n + G,), Hessian's columns (n + G, G)."""
-        (k, strain), G = self.curvature(x), self.count
+    def chain(self, bent: tuple[Array, float], gradient: Array, border: Array) -> tuple[Array, Array]:
+        """Transform derivatives in (v, k, e) to (v, Θ, e): gradient (n + G,), Hessian's columns (n + G, G).
+
+        `bent` is the `curvature`.
+        """
+        (k, strain), G = bent, self.count
         if G == 0:
             return gradient, border
         slope, grown = 1 / ((1 + strain) * self.span_m), 1 + strain
@@ -107,7 +111,7 @@ class Globals:
 
 
 def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -> Constraints:
-    """Fixed, tied and linked displacements as one signed map, then volumes and pressures of mixed cells.
+    """Return fixed, tied and linked displacements as one signed map, then volumes and pressures of mixed cells.
 
     Volumes and pressures at linked nodes are equal: a symmetry maps them to themselves.
     Raises `ContractError` for a node set that the mesh does not have.
@@ -135,7 +139,7 @@ def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -
 def _linked_pressures(
     link: Link, pressures: PressureData | None, nodes: int
 ) -> Iterator[tuple[IntArray, IntArray]]:
-    """Numbers of the continuous pressures that stand at linked nodes in the same solid, pairwise."""
+    """Yield numbers of the continuous pressures at linked nodes in the same solid, pairwise."""
     if pressures is None or pressures.vertices is None or pressures.solids is None:
         return
     for solid in np.unique(pressures.solids):

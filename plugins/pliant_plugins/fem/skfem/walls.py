@@ -1,10 +1,10 @@
-"""Frictionless contact of a piece with itself: walls that meet away from the mirror planes.
+"""Frictionless self-contact of a piece: walls that meet away from the mirror planes.
 
-Each quadrature point of the skin is projected onto the faces that it may meet. Where it lies D behind the nearest, the
-energy ∫ φ(D/2) dA is stored, φ that of `contact`: both walls give way by D/2, each in its own integral, so that two
-mirror images press on each other as either presses on the plane between them. Points are compared in the frame of the
-sections, (s, y, z): whether two of them meet does not depend on the frame, and where they do ∂D is normal to the wall
-in any coordinates, so that nothing is held back along it; and there positions are linear in v and e.
+Each quadrature point of the skin is projected onto the faces that it may meet. Where its penetration of the nearest is
+D, the energy ∫ φ(D/2) dA is stored, φ that of `contact`: both walls are compressed by D/2, each in its own integral, so
+that two mirror images press on each other as either presses on the plane between them. Points are compared in the frame
+of the sections, (s, y, z): contact does not depend on the frame, and at contact ∂D is normal to the wall in any
+coordinates, so that there is no friction; and positions are linear in v and e there.
 
 With p the point, p̄ its projection, a_α the tangents there, n the normal out of the solid, w = δp − δp̄,
 c_α = n·δp̄,α, m_αβ = a_α·a_β, b_αβ = n·p̄,αβ and g = −D = n·(p − p̄),
@@ -25,16 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from pliant.meshing.cells import kind_of_faces
+from pliant.meshing.cells import face_cell_kind
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.skfem.basis import ELEMENTS
-from pliant_plugins.fem.skfem.contact import PlaneContact, Skin
+from pliant_plugins.fem.skfem.contact import ContactSkin, PlaneContact
 from pliant_plugins.fem.skfem.unknowns import Globals
 
-NEAR = 0.1  # of the wall: walls so far apart are coupled in the matrix already, with zeros
+NEAR = 0.1  # of the wall: walls within this distance are coupled in the matrix already, with zeros
 DEEP = 0.25  # of the wall: points farther behind a face have not come through it
-REACH = 4.0  # walls: from so far on a step that takes one through another may go unnoticed
+REACH = 4.0  # walls: beyond this distance a step that takes one through another may go undetected
 EDGE = 0.01  # of a face: how far beyond its edge a point still meets it
 DAMPED, MOST = 3, 12  # steps of a projection: the first without the faces' curvature, all at most
 CLOSE = 1e-13  # the last step, in a face's own coordinates
@@ -56,7 +56,7 @@ class Facet:
     triangle: bool
 
     def jets(self, at: Array) -> tuple[Array, Array, Array]:
-        """N (p, n), ∂N (p, 2, n) and ∂²N (p, 2, 2, n) at (p, 2)."""
+        """Return N (p, n), ∂N (p, 2, n) and ∂²N (p, 2, 2, n) at (p, 2)."""
         one, zero = np.ones(len(at)), np.zeros(len(at))
         # 1, t, t² and their slopes, of ξ and of η
         xs, ys = (
@@ -78,13 +78,13 @@ class Facet:
         return term(0, 0), first, second
 
     def outside(self, at: Array) -> Array:
-        """(p,) how far (p, 2) lie outside a face, in its own coordinates; at most 0 on it."""
+        """Return (p,) distances of (p, 2) outside a face, in its coordinates; at most 0 on it."""
         beyond = [-at[:, 0], -at[:, 1]]
         beyond += [at.sum(axis=1) - 1] if self.triangle else [at[:, 0] - 1, at[:, 1] - 1]
         return np.max(beyond, axis=0)
 
     def project(self, points: Array, faces: Array) -> Array:
-        """(p, 2) where the points (p, 3) are closest to the faces' nodes (p, n, 3), extended beyond their edges."""
+        """Return (p, 2) closest points to (p, 3) on the faces' nodes (p, n, 3), extended beyond their edges."""
         at = np.full((len(points), 2), 1 / 3 if self.triangle else 0.5)
         for number in range(MOST):
             value, first, second = self.jets(at)
@@ -101,7 +101,7 @@ class Facet:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Solutions (p, 2) of 2 × 2 systems."""
+    """Return solutions (p, 2) of 2 × 2 systems."""
     (a, b), (c, d) = matrix[:, 0].T, matrix[:, 1].T
     determinant = a * d - b * c
     determinant = np.where(np.abs(determinant) > 1e-12 * (a * d + 1e-300), determinant, np.inf)
@@ -118,17 +118,17 @@ def _facet(name: str) -> Facet:
     return Facet(powers, np.linalg.inv(monomials), triangle)
 
 
-def facet_of(faces: IntArray) -> Facet:
-    """The shape functions of a mesh's faces."""
-    return _facet(kind_of_faces(faces).name)
+def mesh_facet(faces: IntArray) -> Facet:
+    """Return the shape functions of a mesh's faces."""
+    return _facet(face_cell_kind(faces).name)
 
 
 @dataclass(frozen=True, eq=False)
 class Met:
-    """Points of the skin and the faces that they are near or behind, p of them.
+    """Pairs of a point of the skin and a face that it is near or behind, p of them.
 
     Attributes:
-        face, point: (p,) numbers of their own face and of the quadrature point there.
+        face, point: (p,) numbers of the point's face and of the quadrature point on it.
         other: (p,) numbers of the faces.
         at: (p, 2) projections, in those faces' coordinates.
         depth_m: (p,) D, negative where they are apart.
@@ -140,15 +140,15 @@ class Met:
     at: Array
     depth_m: Array
 
-    def of(self, chosen: NDArray[np.bool_] | IntArray) -> Met:
-        """Some of them."""
+    def select(self, chosen: NDArray[np.bool_] | IntArray) -> Met:
+        """Select some of the pairs."""
         own, other = (self.face[chosen], self.point[chosen]), self.other[chosen]
         return Met(*own, other, self.at[chosen], self.depth_m[chosen])
 
 
 @dataclass(frozen=True, eq=False)
 class Pressing:
-    """What walls that meet store, by pairs of faces (m) and the globals (G).
+    """Contact energy of walls, by pairs of faces (m) and the globals (G).
 
     Attributes:
         value_j: of all.
@@ -167,12 +167,12 @@ class Pressing:
 class WallContact:
     """The skin of a piece that may meet itself, at nodes of rest (n, 3)."""
 
-    skin: Skin
+    skin: ContactSkin
     nodes_m: Array
 
     @cached_property
     def _facet(self) -> Facet:
-        return facet_of(self.skin.faces.nodes)
+        return mesh_facet(self.skin.faces.nodes)
 
     @cached_property
     def _rest(self) -> tuple[Array, Array]:
@@ -181,18 +181,18 @@ class WallContact:
         return nodes.mean(axis=1), self._across(nodes)
 
     def _across(self, nodes: Array) -> Array:
-        """(f, 3) normals at the middles of faces (f, n, 3)."""
+        """Return (f, 3) normals at the middles of faces (f, n, 3)."""
         along = self._facet.jets(np.full((1, 2), 1 / 3 if self._facet.triangle else 0.5))[1][0]
         return _normal(np.einsum("an,fni->fai", along, nodes))
 
     def deepest(self, x: Array, strain: float) -> float:
-        """Largest share of the wall by which one has given way, 0 where nothing touches."""
+        """Return the largest compression as a share of the wall, 0 without contact."""
         met = self.near(x, strain)
         assert met is not None  # x is a state
         return max(0.0, float(np.max(met.depth_m, initial=0.0)) / 2 / self.skin.wall_m)
 
     def near(self, x: Array, strain: float) -> Met | None:
-        """The points near a face at x, or behind it, each with the nearest face; None where walls are swapped."""
+        """Return the points near a face at x, or behind it, each with the nearest face; None if walls are swapped."""
         skin, wall = self.skin, self.skin.wall_m
         nodes = self._placed(x, strain)
         points = np.einsum("qa,fai->fqi", skin.faces.value, nodes)
@@ -213,18 +213,18 @@ class WallContact:
         depth = -np.sum(normal * away, axis=1)
         kept = (depth > -NEAR * wall) & (depth < DEEP * wall) & (np.sum(normal * own, axis=1) < 0)
         kept &= self._facet.outside(projected) <= EDGE
-        met = Met(face, point, other, projected, depth).of(kept)
+        met = Met(face, point, other, projected, depth).select(kept)
         order = np.lexsort((np.abs(met.depth_m), met.point, met.face))
         _, best = np.unique(met.face[order] * len(skin.faces.weight) + met.point[order], return_index=True)
-        return met.of(order[best])
+        return met.select(order[best])
 
     def _placed(self, x: Array, strain: float) -> Array:
-        """(f, n, 3) section coordinates (s, y, z) of the faces' nodes."""
+        """Return (f, n, 3) section coordinates (s, y, z) of the faces' nodes."""
         nodes = self.nodes_m * np.array([1 + strain, 1.0, 1.0]) + x[: self.nodes_m.size].reshape(-1, 3)
         return nodes[self.skin.faces.nodes]
 
     def _facing(self, nodes: Array) -> tuple[IntArray, IntArray] | None:
-        """Pairs of faces, both ways round, that are close, face each other at rest and share no node.
+        """Return ordered pairs of close faces that face each other at rest and share no node.
 
         None where two of them have changed sides.
         """
@@ -246,11 +246,11 @@ class WallContact:
         return np.concatenate([first, second]), np.concatenate([second, first])
 
     def pressing(self, met: Met, x: Array, active: Globals) -> Pressing:
-        """The energy of walls that meet, to second order."""
+        """Return the contact energy of walls to second order."""
         slope, bend = self._closest(met, self._placed(x, active.split(x)[1]), active)
         weight = self.skin.weight[met.face, met.point]
         energy, pressure, stiffness = (weight * part for part in self.skin.law(met.depth_m / 2))
-        # D = −g, and each wall gives way by half of it
+        # D = −g, and each wall is compressed by half of it
         hessian = stiffness[:, None, None] / 4 * slope[:, :, None] * slope[:, None, :]
         hessian -= pressure[:, None, None] / 2 * bend
         gradient = -pressure[:, None] / 2 * slope
@@ -266,7 +266,7 @@ class WallContact:
         return Pressing(float(energy.sum()), dofs, columns, total[0][:, :d, :d])
 
     def _closest(self, met: Met, nodes: Array, active: Globals) -> tuple[Array, Array]:
-        """∂g (p, d + G) and ∂²g (p, d + G, d + G) in the displacements of both faces and the globals."""
+        """Return ∂g (p, d + G) and ∂²g (p, d + G, d + G) in the displacements of both faces and the globals."""
         faces, ids, G = self.skin.faces, self.skin.faces.nodes, active.count
         value, first, second = self._facet.jets(met.at)
         other, X = nodes[met.other], self.nodes_m[ids, 0]
@@ -275,7 +275,7 @@ class WallContact:
         own = faces.value[met.point]
 
         def operator(mine: Array, theirs: Array) -> Array:
-            """(p, d + G, 3) of Σ mine δp − Σ theirs δp̄, from what each node counts (p, n)."""
+            """Return (p, d + G, 3) of Σ mine δp − Σ theirs δp̄, from the nodes' weights (p, n)."""
             nodal = np.concatenate([mine, -theirs], axis=1)[:, :, None, None] * np.eye(3)
             out = np.zeros((len(nodal), 3 * nodal.shape[1] + G, 3))
             out[:, : out.shape[1] - G] = nodal.reshape(len(nodal), -1, 3)
@@ -300,31 +300,33 @@ class WallContact:
 class Contacts:
     """All that the skin of a piece may meet: mirror planes, if it has some, and itself."""
 
-    skin: Skin
+    skin: ContactSkin
     planes: PlaneContact | None
     walls: WallContact
 
     @staticmethod
-    def of(problem: ModuleProblem, shear_pa: float, volume_m3: float) -> Contacts | None:
-        """None where no skin may meet anything."""
-        skin = Skin.of(problem, shear_pa, volume_m3)
+    def from_problem(problem: ModuleProblem, shear_pa: float, volume_m3: float) -> Contacts | None:
+        """Build the contacts of a problem; None if no skin may come into contact."""
+        skin = ContactSkin.from_problem(problem, shear_pa, volume_m3)
         if skin is None:
             return None
-        return Contacts(skin, PlaneContact.of(problem, skin), WallContact(skin, problem.mesh.nodes_m))
+        return Contacts(
+            skin, PlaneContact.from_problem(problem, skin), WallContact(skin, problem.mesh.nodes_m)
+        )
 
     def deepest(self, x: Array, strain: float) -> float:
-        """Largest share of the wall by which one has given way, 0 where nothing touches."""
+        """Return the largest compression as a share of the wall, 0 without contact."""
         planes = 0.0 if self.planes is None else self.planes.deepest(x, strain)
         return max(planes, self.walls.deepest(x, strain))
 
 
 def _sides(centres: Array, normals: Array, first: IntArray, second: IntArray) -> tuple[Array, Array]:
-    """How far faces are before each other, the first before the second and the second before the first."""
+    """Return the distance of the first faces in front of the second ones, and of the second in front of the first."""
     between = centres[first] - centres[second]
     return np.sum(between * normals[second], axis=1), -np.sum(between * normals[first], axis=1)
 
 
 def _normal(along: Array) -> Array:
-    """(…, 3) unit normals of tangents (…, 2, 3)."""
+    """Return (…, 3) unit normals of tangents (…, 2, 3)."""
     across = np.cross(along[..., 0, :], along[..., 1, :])
     return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))

@@ -15,14 +15,14 @@ ROOM = Path(__file__).parent
 
 
 def cache_folder() -> Path:
-    """Where numba keeps the machine code of this room; all of its files share one folder."""
+    """Return the folder in which numba keeps the machine code of this package; all of its files share it."""
     return Path(njit(cache=True)(_probe).stats.cache_path)
 
 
 def discard_stale(folder: Path | None = None, sources: Iterable[Path] | None = None) -> None:
-    """Remove cache indexes older than the newest source: numba compiles anew what they listed.
+    """Remove cache indexes older than the newest source, so that numba recompiles their functions.
 
-    Without arguments this is about the cache and the sources of this room.
+    The defaults are the cache and the sources of this package.
     """
     newest = max(source.stat().st_mtime for source in sources or ROOM.glob("*.py"))
     for index in (folder or cache_folder()).glob("*.nbi"):
@@ -34,12 +34,12 @@ def discard_stale(folder: Path | None = None, sources: Iterable[Path] | None = N
 
 
 def is_cached(file: str, function: str) -> bool:
-    """Whether machine code of a function of this room, given by its file's stem, is in the cache."""
+    """Return whether machine code of a function of this package, given by its file's stem, is in the cache."""
     return any(cache_folder().glob(f"{file}.{function}-*.nbi"))
 
 
 def _probe() -> None:
-    """A function of this room; its cache's path is that of all."""
+    """Do nothing: a function of this package whose cache path is that of all."""
 
 
 discard_stale()

@@ -16,14 +16,14 @@ from numba.np.arrayobj import make_array, populate_array
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def copy(source, target):  # type: ignore[no-untyped-def]
-    """Fills target (n,)."""
+    """Fill target (n,)."""
     for i in range(len(source)):
         target[i] = source[i]
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def copy_rows(source, target):  # type: ignore[no-untyped-def]
-    """Fills target (n, m)."""
+    """Fill target (n, m)."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
@@ -31,7 +31,7 @@ def copy_rows(source, target):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def lent(typing_context, value):  # type: ignore[no-untyped-def]
-    """The same arrays, in a tuple of tuples, without a count of references; their owners must live."""
+    """Return the arrays, in a tuple of tuples, without reference counting; their owners must stay alive."""
 
     def lend(context: Any, builder: Any, kind: Any, whole: Any) -> Any:
         if isinstance(kind, types.BaseTuple):

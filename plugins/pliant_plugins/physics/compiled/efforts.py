@@ -17,7 +17,7 @@ NODES, WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
 def _caller(of: Any) -> Any:
-    """What calls a function of a signature by its address, the first argument."""
+    """Return an intrinsic that calls a function of a signature by its address, the first argument."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kinds = [context.get_value_type(kind) for kind in of.args]
@@ -31,20 +31,20 @@ def _caller(of: Any) -> Any:
 
 @intrinsic
 def call_law(typing_context, address, p, u, c, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
-    """Calls the law function at an address: so one compiled loop serves all laws, those of plugins included."""
+    """Call the law function at an address, so that one compiled loop serves all laws, those of plugins included."""
 
     return types.void(types.int64, *LAW_SIGNATURE.args), _caller(LAW_SIGNATURE)
 
 
 @intrinsic
 def call_wide_law(typing_context, address, p, u, c, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
-    """`call_law` of a law of several actuations p (m,); it fills dtau_dp (a·m,)."""
+    """Call a law of several actuations p (m,) as `call_law`; it fills dtau_dp (a·m,)."""
     return types.void(types.int64, *WIDE_SIGNATURE.args), _caller(WIDE_SIGNATURE)
 
 
 @njit(cache=True, nogil=True)
 def efforts(laws, q, p, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
-    """Fills tau (n, a), dtau_dp (k, n, a) by actuator and dtau_du (n, a, a).
+    """Fill tau (n, a), dtau_dp (k, n, a) by actuator and dtau_du (n, a, a).
 
     Args:
         laws: `CompiledLaws.arrays`.
@@ -94,14 +94,14 @@ def efforts(laws, q, p, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def evaluate_law(address, parameters, p, u, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
-    """Fills tau (m, a), dtau_dp (m, a) and dtau_du (m, a, a) of one law in m states p (m,), u (m, a)."""
+    """Fill tau (m, a), dtau_dp (m, a) and dtau_du (m, a, a) of one law in m states p (m,), u (m, a)."""
     for row in range(len(p)):
         call_law(address, p[row], u[row], parameters, tau[row], dtau_dp[row], dtau_du[row])
 
 
 @njit(cache=True, nogil=True)
 def evaluate_wide_law(address, parameters, p, u, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
-    """The same of a law of k actuations: p (m, k), dtau_dp (m, a, k)."""
+    """Evaluate a law of k actuations as `evaluate_law`: p (m, k), dtau_dp (m, a, k)."""
     m, a = u.shape
     row = np.empty(a * p.shape[1])
     for i in range(m):
@@ -113,7 +113,7 @@ def evaluate_wide_law(address, parameters, p, u, tau, dtau_dp, dtau_du):  # type
 
 @njit(cache=True, nogil=True)
 def law_potential(laws, q, p):  # type: ignore[no-untyped-def]
-    """Σ Π(p, s q) − Π(p, 0) over joints and actuators in J, by 12-point Gauss–Legendre."""
+    """Return Σ Π(p, s q) − Π(p, 0) over joints and actuators in J, by 12-point Gauss–Legendre."""
     addresses, spans, parameters, signs, drives, less = laws
     n, a = q.shape
     u, value, in_p, in_u = np.empty(a), np.empty(a), np.empty(a * len(signs)), np.empty((a, a))

@@ -4,17 +4,18 @@ Where the stiffness K is positive definite the step is Newton's; elsewhere K is 
 is (Nocedal & Wright 2006, algorithm 3.3), so every step descends. A step that does not reduce the residual is cut
 back until the potential has decreased sufficiently. An equilibrium that is a saddle is left along its lowest mode.
 
-Cholesky's factors of a chain's stiffness take a time that grows with n, not n³. What lies beyond joint j is all that
-joints i < j feel of it, so off its diagonal blocks the stiffness has the rank of a force and a moment: K_ij = U_iᵀ Y_j
-for i < j, with U_i = ω_i, Y_j = −T_j ω_j (`pliant.mechanics.statics`), and three rows more for each cord, U_i = J_i,
-Y_j = (T/L)(1 − d dᵀ) J_j. Its factor then has the same form, L_ji = Y_jᵀ W_i, and with P_i = Σ_{k<i} W_k W_kᵀ
+The Cholesky factorisation of a chain's stiffness takes O(n) time instead of O(n³). Joints i < j are affected by joint j
+only through the force and the moment of the bodies beyond it, so off its diagonal blocks the stiffness has the rank of
+a force and a moment: K_ij = U_iᵀ Y_j for i < j, with U_i = ω_i, Y_j = −T_j ω_j (`pliant.mechanics.statics`), and three
+rows more for each cord, U_i = J_i, Y_j = (T/L)(1 − d dᵀ) J_j. Its factor then has the same form, L_ji = Y_jᵀ W_i, and
+with P_i = Σ_{k<i} W_k W_kᵀ
 
     L_ii L_iiᵀ = K_ii + s 1 − Y_iᵀ P_i Y_i,   W_i L_iiᵀ = U_i − P_i Y_i.
 
 (Semiseparable matrices: Vandebril, Van Barel & Mastronardi 2008, chapter 4.)
 
-Functions that are called from one place are inlined before types are known: each would be compiled and optimised on
-its own, and again in all that lead to it.
+Functions with a single call site are inlined before type inference: otherwise each would be compiled and optimised
+separately, and again in all its callers.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ RELAX_SHARE = 0.1
 
 @njit(cache=True, nogil=True)
 def factorise(matrix, shift, weights, factor):  # type: ignore[no-untyped-def]
-    """Fills the lower triangle of `factor` with L, L Lᵀ = matrix + shift · weights; False where that is not positive.
+    """Fill the lower triangle of `factor` with L, L Lᵀ = matrix + shift · weights; return False if not positive.
 
     Of the matrix only the lower triangle is read.
     """
@@ -60,7 +61,7 @@ def factorise(matrix, shift, weights, factor):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def new_factor(n, a, rank):  # type: ignore[no-untyped-def]
-    """Generators U, Y and W (n, a, rank), diagonal blocks of K and of L (n, a, a), P (rank, rank), a row (rank,).
+    """Return arrays U, Y and W (n, a, rank), diagonal blocks of K and L (n, a, a), P (rank, rank), a row (rank,).
 
     The last, (a,), are weights of shifts: 1 / reach² (`weigh`), so that all coordinates are shifted in one unit.
     """
@@ -78,7 +79,7 @@ def new_factor(n, a, rank):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def weigh(body, parts):  # type: ignore[no-untyped-def]
-    """Fills the weights of shifts."""
+    """Fill the weights of shifts."""
     reach, weights = body[9], parts[7]
     for b in range(len(reach)):
         weights[b] = 1.0 / (reach[b] * reach[b])
@@ -86,7 +87,7 @@ def weigh(body, parts):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def factorise_chain(parts, shift):  # type: ignore[no-untyped-def]
-    """Fills W and L from U, Y and the diagonal blocks; False where K + shift · weights is not positive."""
+    """Fill W and L from U, Y and the diagonal blocks; return False if K + shift · weights is not positive."""
     before, beyond, through, own, lower, total, _, weights = parts
     n, a, rank = before.shape
     block = np.empty((a, a))
@@ -120,7 +121,7 @@ def factorise_chain(parts, shift):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def solve_chain(parts, right):  # type: ignore[no-untyped-def]
-    """Overwrites right (n·a,) with the solution of L Lᵀ x = right."""
+    """Overwrite right (n·a,) with the solution of L Lᵀ x = right."""
     _, beyond, through, _, lower, _, carried, _ = parts
     n, a, rank = beyond.shape
     carried[:] = 0.0
@@ -151,7 +152,7 @@ def solve_chain(parts, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def fill_dense(parts, stiffness):  # type: ignore[no-untyped-def]
-    """Fills the whole stiffness (n·a, n·a)."""
+    """Fill the whole stiffness (n·a, n·a)."""
     before, beyond, own = parts[0], parts[1], parts[3]
     n, a, rank = before.shape
     for j in range(n):
@@ -176,7 +177,7 @@ def _largest(values):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _longest(moves, reach):  # type: ignore[no-untyped-def]
-    """The longest of moves (n·a,) as a share of the reach (a,) of its coordinate."""
+    """Return the longest of moves (n·a,) as a share of the reach (a,) of its coordinate."""
     longest, a = 0.0, len(reach)
     for i in range(len(moves)):
         longest = max(longest, abs(moves[i]) / reach[i % a])
@@ -185,7 +186,7 @@ def _longest(moves, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _stiffest(blocks, reach):  # type: ignore[no-untyped-def]
-    """The largest entry of blocks (n, a, a), travels beside turns counted in reaches."""
+    """Return the largest entry of blocks (n, a, a), with travels of extensible joints scaled by `reach`."""
     largest, a = 0.0, len(reach)
     for i in range(len(blocks)):
         for b in range(a):
@@ -196,7 +197,7 @@ def _stiffest(blocks, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _product(first, second):  # type: ignore[no-untyped-def]
-    """Σ of the products of two (n, a)."""
+    """Return the sum of the products of two (n, a)."""
     n, a = first.shape
     total = 0.0
     for i in range(n):
@@ -215,7 +216,7 @@ def _dense(parts):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fold(flat, share, rows):  # type: ignore[no-untyped-def]
-    """Fills rows (n, a) with a share of what stands in one line (n·a,)."""
+    """Fill rows (n, a) with a share of the flat values (n·a,)."""
     n, a = rows.shape
     for i in range(n):
         for b in range(a):
@@ -224,7 +225,7 @@ def _fold(flat, share, rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _unfold(rows):  # type: ignore[no-untyped-def]
-    """Rows (n, a) in one line (n·a,)."""
+    """Flatten rows (n, a)."""
     n, a = rows.shape
     flat = np.empty(n * a)
     for i in range(n):
@@ -235,7 +236,7 @@ def _unfold(rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _go(start, step, share, q):  # type: ignore[no-untyped-def]
-    """Fills q (n, a) with start + share · step."""
+    """Fill q (n, a) with start + share · step."""
     n, a = q.shape
     for i in range(n):
         for b in range(a):
@@ -244,7 +245,7 @@ def _go(start, step, share, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def]
-    """Moves q along the mode, in the direction that goes lower."""
+    """Move q along the mode, in the direction of lower potential."""
     body, laws, loads = chain
     start, push, energies = q.copy(), np.empty(q.shape), np.empty(2)
     _fold(mode, length / _longest(mode, body[9]), push)
@@ -258,9 +259,9 @@ def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True, inline="always")
 def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignore[no-untyped-def]
-    """Moves q along the step (n, a), the `share` of a whole one, or less far.
+    """Move q along the step (n, a) by `share` of it, or less.
 
-    `above` is the potential at q, or no number where nobody has needed it yet.
+    `above` is the potential at q, or NaN if it has not been computed yet.
 
     Returns:
         largest residual, its norm, potential (or no number) where it ends; whether the step helped.
@@ -301,7 +302,7 @@ def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignor
 
 @njit(cache=True, nogil=True, inline="always")
 def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
-    """Moves q (n, a) to a stable equilibrium.
+    """Move q (n, a) to a stable equilibrium.
 
     Args:
         chain: `Body.arrays`, `CompiledLaws.arrays`, `load_arrays`.
@@ -355,12 +356,12 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
-    """Moves q (n, a) along an overdamped motion with ever longer steps, (K + δ 1) Δq = r; returns their number.
+    """Move q (n, a) along an overdamped motion with increasing steps, (K + δ 1) Δq = r; return their number.
 
-    Arguments are those of `descend`, which goes on from there.
+    Arguments are those of `descend`, which continues from the result.
 
     Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but it
-    follows a long chain through curls and snaps, in which the residual must grow before it falls.
+    follows a long chain through curling and snap-through, in which the residual first increases.
     """
     tolerance, _, max_step = options
     body, laws, loads = chain
@@ -387,7 +388,7 @@ def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _leaves_domain(boxes, signs, drives, p, q, by_q):  # type: ignore[no-untyped-def]
-    """Whether a joint is outside the box of its law, or its ∂τ/∂u is not negative definite."""
+    """Return whether a joint is outside the box of its law, or its ∂τ/∂u is not negative definite."""
     n, a = q.shape
     block, factor, even = np.empty((a, a)), np.empty((a, a)), np.ones(a)
     rows = boxes.shape[1] - a
@@ -415,7 +416,7 @@ def _leaves_domain(boxes, signs, drives, p, q, by_q):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def settle(body, laws, boxes, loads, q, markers, options):  # type: ignore[no-untyped-def]
-    """Moves q (n, a) to a stable equilibrium and fills the markers (n + 2, 3) there.
+    """Move q (n, a) to a stable equilibrium and fill the markers (n + 2, 3) there.
 
     Where the direct way fails it follows the overdamped motion from q.
 

@@ -14,7 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
 
-class Handle(types.Type):
+class HandleType(types.Type):
     """A pointer to a value of numba type `kind`."""
 
     def __init__(self, kind: types.Type) -> None:
@@ -22,15 +22,15 @@ class Handle(types.Type):
         super().__init__(name=f"Handle({kind})")
 
 
-@register_model(Handle)
+@register_model(HandleType)
 class _HandleModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, handle: Handle) -> None:
+    def __init__(self, manager: Any, handle: HandleType) -> None:
         super().__init__(manager, handle, cgutils.voidptr_t)
 
 
 @intrinsic
 def keep(typing_context, value):  # type: ignore[no-untyped-def]
-    """A handle of a value, valid until the function that calls this returns or calls it here again.
+    """Return a handle of a value, valid until the calling function returns or calls it here again.
 
     References are not counted: a tuple of arrays that are lent.
     """
@@ -50,13 +50,13 @@ def keep(typing_context, value):  # type: ignore[no-untyped-def]
         store(kind, arguments[0], place)
         return builder.bitcast(place, cgutils.voidptr_t)
 
-    return Handle(value)(value), generate
+    return HandleType(value)(value), generate
 
 
 @intrinsic
 def kept(typing_context, handle):  # type: ignore[no-untyped-def]
-    """The value behind a handle."""
-    if not isinstance(handle, Handle):
+    """Return the value behind a handle."""
+    if not isinstance(handle, HandleType):
         return None
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -75,7 +75,7 @@ def kept(typing_context, handle):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def apart(typing_context):  # type: ignore[no-untyped-def]
-    """Called in a function, keeps the compiler from copying it into its callers."""
+    """Prevent the compiler from copying the calling function into its callers."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         builder.function.attributes.add("noinline")

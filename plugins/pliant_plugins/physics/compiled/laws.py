@@ -15,13 +15,14 @@ from numba import cfunc, types
 from numba.extending import register_jitable
 
 from pliant.errors import UserError
+from pliant.mechanics.scalar_form import require_scalar_form
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
-from pliant.records.term import LawTerm, numbers_of
+from pliant.records.term import LawTerm, term_parameters
 
 _F, _A, _M = types.float64, types.float64[::1], types.float64[:, ::1]
-# Of a law: actuation, u, parameters, and what it fills: τ, ∂τ/∂p, ∂τ/∂u.
+# Of a law: actuation, u, parameters, and its outputs: τ, ∂τ/∂p, ∂τ/∂u.
 LAW_SIGNATURE = types.void(_F, _A, _A, _A, _A, _M)
 # The same of a law of several actuations: all of them, …, ∂τ_i/∂a_j in a row.
 WIDE_SIGNATURE = types.void(_A, _A, _A, _A, _A, _M)
@@ -33,9 +34,9 @@ ROLES = ("moment", "elastic", "actuation", "rest")
 
 @cache
 def compile_function(function: Any, signature: Any, what: str) -> Any:
-    """A `numba.cfunc` of a scalar function and of the functions of its own file that it calls.
+    """Compile a scalar function, with the functions of its file that it calls, to a `numba.cfunc`.
 
-    It is kept on disk where the function stands at the top of a file.
+    It is cached on disk if the function is defined at module level.
 
     Raises:
         UserError: it cannot be compiled; `what` names it in the sentence ("law term").
@@ -46,12 +47,12 @@ def compile_function(function: Any, signature: Any, what: str) -> Any:
         # Functions made inside others have no stable name on disk.
         named = "<" not in function.__qualname__ and not function.__code__.co_filename.startswith("<")
         return cfunc(signature, cache=named, error_model="numpy")(function)
-    except Exception as error:  # numba lets Python's own errors through beside its own
+    except Exception as error:  # numba raises Python's errors as well as its own
         raise UserError(_why_not(function, error, what)) from error
 
 
 def _helpers(function: FunctionType) -> list[FunctionType]:
-    """Functions of its own file that a function calls, and those that they call."""
+    """Return the functions of its file that a function calls, directly or indirectly."""
     found: list[FunctionType] = []
     queue: list[Any] = [function]
     while queue:
@@ -66,7 +67,7 @@ def _helpers(function: FunctionType) -> list[FunctionType]:
 
 
 def _why_not(function: Any, error: Exception, what: str) -> str:
-    """Where and why a function cannot be compiled."""
+    """Return a sentence on where and why a function cannot be compiled."""
     code = getattr(function, "__code__", None)
     if code is None:
         return f"the {what} {function!r} is no plain function; write one with 'def' at the top of its file"
@@ -85,7 +86,8 @@ class CompiledTerms:
 
     Attributes:
         addresses: (m,) int64, machine code of each term; it lives as long as the process.
-        rows: (m, 5) int64: role, first and last (exclusive) parameter, first and last (exclusive) state.
+        rows: (m, 6) int64: role, first and last (exclusive) parameter, first and last (exclusive) state, whether the
+            value depends on what was before.
         parameters: (n, P) of all terms, one term after another, by joint.
         keeps: (states,) whether a state outlasts the rest between runs.
     """
@@ -96,8 +98,8 @@ class CompiledTerms:
     keeps: Any
 
     @staticmethod
-    def of(terms: Sequence[LawTerm], n_joints: int) -> CompiledTerms:
-        """Compiled once in a process and kept on disk.
+    def from_terms(terms: Sequence[LawTerm], n_joints: int) -> CompiledTerms:
+        """Compile terms once per process, cached on disk.
 
         Raises:
             UserError: a term that cannot be compiled.
@@ -107,31 +109,34 @@ class CompiledTerms:
         ]
         ends = np.cumsum([0, *(term.n_parameters for term in terms)])
         states = np.cumsum([0, *(term.n_states for term in terms)])
-        rows = [[ROLES.index(t.role), *ends[k : k + 2], *states[k : k + 2]] for k, t in enumerate(terms)]
+        rows = [
+            [ROLES.index(t.role), *ends[k : k + 2], *states[k : k + 2], t.needs_time or t.n_states > 0]
+            for k, t in enumerate(terms)
+        ]
         return CompiledTerms(
             np.array(addresses, np.int64),
-            np.array(rows, np.int64).reshape(-1, 5),
-            numbers_of(terms, n_joints),
+            np.array(rows, np.int64).reshape(-1, 6),
+            term_parameters(terms, n_joints),
             np.array([term.keeps for term in terms for _ in range(term.n_states)], np.bool_),
         )
 
     @property
     def arrays(self) -> tuple[Any, Any, Array, int]:
-        """What `combine` takes: addresses, rows, parameters (n·P,), P."""
+        """Return the arguments of `combine`: addresses, rows, parameters (n·P,), P."""
         return self.addresses, self.rows, self.parameters.ravel(), self.parameters.shape[1]
 
 
 def compiled_terms(terms: Sequence[LawTerm], n_joints: int) -> tuple[Any, Any, Array, int] | None:
-    """What `combine` takes of a chain's terms; None where a term cannot be compiled."""
+    """Return the arguments of `combine` for a chain's terms; None if a term cannot be compiled."""
     try:
-        return CompiledTerms.of(terms, n_joints).arrays
+        return CompiledTerms.from_terms(terms, n_joints).arrays
     except UserError:  # it runs in plain Python then
         return None
 
 
 @dataclass(frozen=True, eq=False)
 class PackedLaws:
-    """What the compiled loops take of l laws of a axes, whatever chain they stand in.
+    """Arguments of the compiled loops for l laws of a axes, independent of the chain.
 
     Attributes:
         addresses, less: (l,) see `CompiledLaws`; spans: (l, 2); boxes: (l, m + a, 2).
@@ -147,11 +152,12 @@ class PackedLaws:
     counts: tuple[int, ...]
 
     @staticmethod
-    def of(laws: Sequence[JointLaw]) -> PackedLaws | None:
-        """None where one of them has no scalar form.
+    def from_laws(laws: Sequence[JointLaw]) -> PackedLaws | None:
+        """Pack laws; return None if one of them has no scalar form.
 
         Raises:
             UserError: a scalar form that cannot be compiled.
+            ContractError: a scalar form that differs from the law.
         """
         scalars = [law.scalar() for law in laws]
         known = [scalar for scalar in scalars if scalar is not None]
@@ -160,6 +166,8 @@ class PackedLaws:
         ends = accumulate((len(scalar.parameters) for scalar in known), initial=0)
         counts = tuple(len(law.actuations) for law in laws)
         addresses = [law_address(s.function, count) for s, count in zip(known, counts, strict=True)]
+        for law in laws:
+            require_scalar_form(law)
         boxes = [law.domain.box for law in laws]
         if len(set(counts)) > 1:
             boxes = [
@@ -200,17 +208,17 @@ class CompiledLaws:
     boxes: Array
 
     @staticmethod
-    def of(chain: ChainModel) -> CompiledLaws | None:
-        """The laws of a chain; None where one of them has no scalar form, or an actuator's T is no number.
+    def from_chain(chain: ChainModel) -> CompiledLaws | None:
+        """Pack the laws of a chain; None if one has no scalar form, or an actuator's T is no number.
 
         Raises:
             UserError: a scalar form that cannot be compiled.
         """
-        return CompiledLaws.in_place(chain, PackedLaws.of(chain.laws))
+        return CompiledLaws.in_place(chain, PackedLaws.from_laws(chain.laws))
 
     @staticmethod
     def in_place(chain: ChainModel, packed: PackedLaws | None) -> CompiledLaws | None:
-        """The chain's laws, packed before, at its joints; None as for `of`."""
+        """Return the chain's laws, packed before, at its joints; None as for `of`."""
         extends = chain.laws[0].joint == "extensible"
         turned = any(a.rotation_rad or (extends and a.sign != 1.0) for a in chain.actuators)
         if packed is None or turned:
@@ -229,13 +237,13 @@ class CompiledLaws:
 
     @property
     def arrays(self) -> tuple[Any, Any, Array, Array, Any, Array]:
-        """What `efforts` takes: addresses, spans, parameters, signs, drives, less."""
+        """Return the arguments of `efforts`: addresses, spans, parameters, signs, drives, less."""
         return self.addresses, self.spans, self.parameters, self.signs, self.drives, self.less
 
 
 @cache
 def law_address(function: Any, actuations: int = 1) -> int:
-    """Address of the compiled form of a law's scalar function, compiled once in a process and kept on disk.
+    """Return the address of a law's compiled scalar function, compiled once per process and cached on disk.
 
     Args:
         function: of a `ScalarLaw`.

@@ -1,4 +1,4 @@
-"""Compiled: efforts of a chain as forces at MuJoCo's dofs, and whole motions with no Python between the steps.
+"""Compiled: efforts of a chain as forces at MuJoCo's dofs, and whole motions without Python between the steps.
 
 A hinge's or slide's dof is its coordinate. A ball's dofs are the angular velocity ω in the child's frame,
 dφ/dt = Jᵣ⁻¹ ω, so an effort τ conjugate to φ is the torque there
@@ -8,8 +8,8 @@ dφ/dt = Jᵣ⁻¹ ω, so an effort τ conjugate to φ is the torque there
 A slope k of −τ becomes the damping dt · k of the step to come: an engine that takes damping implicitly,
 M Δv = dt (τ − dt k v⁺), then takes the stiffness implicitly, and the force itself stays exactly τ.
 
-`move` runs MuJoCo's own `mj_step` through its address, and the laws and law terms through theirs. It holds no lock
-of Python, so several chains move beside each other on threads.
+`move` calls MuJoCo's `mj_step`, the laws and the law terms by their addresses. It releases Python's lock, so that
+several chains move in parallel threads.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numba.extending import intrinsic
 from pliant.mechanics.terms import STEP as SLOPE_STEP
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import efforts
-from pliant_plugins.physics.compiled.terms import combine, net_of_joint
+from pliant_plugins.physics.compiled.terms import combine, joint_net_input
 
 # Below this angle d cancels; its series to θ⁶ is then exact to rounding.
 SMALL_ANGLE = 0.1
@@ -33,7 +33,7 @@ SMALL_ANGLE = 0.1
 
 @intrinsic
 def call_mujoco(typing_context, address, model, data):  # type: ignore[no-untyped-def]
-    """Calls MuJoCo's function at an address with an mjModel* and an mjData*."""
+    """Call MuJoCo's function at an address with an mjModel* and an mjData*."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         function = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * 2)
@@ -45,7 +45,7 @@ def call_mujoco(typing_context, address, model, data):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def rotation_vector(quaternion, phi):  # type: ignore[no-untyped-def]
-    """Fills φ (3,) with θ ≤ π of a unit quaternion w, x, y, z of either sign."""
+    """Fill φ (3,) with θ ≤ π of a unit quaternion w, x, y, z of either sign."""
     sign = -1.0 if quaternion[0] < 0.0 else 1.0
     length = math.sqrt(quaternion[1] ** 2 + quaternion[2] ** 2 + quaternion[3] ** 2)
     ratio = 2.0 * sign
@@ -57,7 +57,7 @@ def rotation_vector(quaternion, phi):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def to_torque(phi, effort, torque):  # type: ignore[no-untyped-def]
-    """Fills Jᵣ⁻ᵀ τ (3,), the torque in the child's frame of an effort conjugate to φ."""
+    """Fill Jᵣ⁻ᵀ τ (3,), the torque in the child's frame of an effort conjugate to φ."""
     square = phi[0] ** 2 + phi[1] ** 2 + phi[2] ** 2
     if square < SMALL_ANGLE**2:
         d = 1 / 12 + square / 720 + square**2 / 30240 + square**3 / 1209600
@@ -73,7 +73,7 @@ def to_torque(phi, effort, torque):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def coordinates(qpos, ball, axes, q):  # type: ignore[no-untyped-def]
-    """Fills q (n, a) from MuJoCo's qpos (n,) or, of balls, (4 n,), of balls with a slide (5 n,)."""
+    """Fill q (n, a) from MuJoCo's qpos (n,) or, of balls, (4 n,), of balls with a slide (5 n,)."""
     phi = np.empty(3)
     n, a = q.shape
     for i in range(n):
@@ -90,7 +90,7 @@ def coordinates(qpos, ball, axes, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def lead(qvel, ball, axes, dt, q):  # type: ignore[no-untyped-def]
-    """Moves q (n, a) by dt · dq/dt; of balls dφ/dt = Jᵣ⁻¹ ω, and Jᵣ⁻¹(φ) is Jᵣ⁻ᵀ(−φ)."""
+    """Move q (n, a) by dt · dq/dt; of balls dφ/dt = Jᵣ⁻¹ ω, and Jᵣ⁻¹(φ) is Jᵣ⁻ᵀ(−φ)."""
     back, rate = np.empty(3), np.empty(3)
     n, a = q.shape
     for i in range(n):
@@ -108,7 +108,7 @@ def lead(qvel, ball, axes, dt, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type: ignore[no-untyped-def]
-    """Fills tau (n, a) and its slope (n, a, a) at q with law terms: `JointEfforts.evaluate`.
+    """Fill tau (n, a) and its slope (n, a, a) at q with law terms: `JointEfforts.evaluate`.
 
     before (n, a), old (n·a·s,): the memory; now: values of the actuators (k,) and temperature.
     """
@@ -117,7 +117,7 @@ def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type:
     states = len(old) // (n * a)
     values, slopes, bent = np.empty((n, a, 4)), np.empty((n, a, 4)), q.copy()
     for i in range(n):
-        net = net_of_joint(laws[3], laws[4], i, p)
+        net = joint_net_input(laws[3], laws[4], i, p)
         for b in range(a):
             at = (i * a + b) * states
             known = (before[i, b], dt, net, temperature, old, at, new, at)
@@ -149,7 +149,7 @@ def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type:
 
 @njit(cache=True, nogil=True)
 def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: ignore[no-untyped-def]
-    """Fills force and damping of a chain's dofs for the step to come, with loads as they are during it.
+    """Fill force and damping of a chain's dofs for the next step, with the loads during it.
 
     With law terms these are T(u*) + h K v and c + h K of `ChainJoints`; slopes between axes count in full on both.
 
@@ -204,7 +204,7 @@ def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: 
 
 @njit(cache=True, nogil=True)
 def drive_arms(laws, arms, axes, reaches, p, moments, plain, dt, qpos, force, damping):  # type: ignore[no-untyped-def]
-    """`drive` of all arms of a scene, which have no law terms, in one call.
+    """Drive all arms of a scene, which have no law terms, in one call of `drive`.
 
     Args:
         laws: those of all joints, arm after arm; the actuators' signs are common.
@@ -244,7 +244,7 @@ def drive_arms(laws, arms, axes, reaches, p, moments, plain, dt, qpos, force, da
 
 @njit(cache=True, nogil=True)
 def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-untyped-def]
-    """Brings the memory to the end of a step that ended at qpos; arguments as in `drive`."""
+    """Advance the memory to the end of a step that ended at qpos; arguments as in `drive`."""
     ball, axes, _, _ = joints
     p, _, temperature = inputs
     before, states = memory
@@ -252,7 +252,7 @@ def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-
     q, new, each = np.empty((n, a)), states.copy(), len(states) // (n * a)
     coordinates(qpos, ball, axes, q)
     for i in range(n):
-        net = net_of_joint(laws[3], laws[4], i, p)
+        net = joint_net_input(laws[3], laws[4], i, p)
         for b in range(a):
             at = (i * a + b) * each
             combine(terms, i, q[i, b], before[i, b], dt, net, temperature, states, at, new, at)
@@ -262,7 +262,7 @@ def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-
 
 @njit(cache=True, nogil=True)
 def move(mujoco, laws, terms, joints, views, inputs, counts, options, memory, record):  # type: ignore[no-untyped-def]
-    """Goes through t samples in steps of one length; each sample's inputs hold for all steps that lead to it.
+    """Simulate t samples in steps of one length; each sample's inputs apply to all steps that lead to it.
 
     Args:
         mujoco: addresses of mj_step, mj_kinematics, the model and the data.

@@ -18,7 +18,7 @@ from pliant_plugins.physics.compiled.statics import PRISMATIC, balance, n_turns,
 
 @njit(cache=True, nogil=True)
 def respond(body, laws, boxes, loads, q, markers, by_p, turn, spin, options):  # type: ignore[no-untyped-def]
-    """Moves q (n, a) to the equilibrium and fills how it answers to the actuators.
+    """Move q (n, a) to the equilibrium and fill its derivatives by the actuators.
 
     Args:
         body, laws, boxes, loads, q, markers, options: as `settle` takes them.

@@ -1,7 +1,7 @@
 """Compiled: residual, stiffness and potential of a chain; equations and signs are those of `pliant.mechanics`.
 
-Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame holds everything that depends on q, in
-arrays made once; the stiffness is held in the parts of `equilibrium`.
+Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame contains everything that depends on q, in
+preallocated arrays; the stiffness is stored in the parts of `equilibrium`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SMALL_ANGLE = 0.1
 
 @njit(cache=True, nogil=True)
 def _coefficients(x):  # type: ignore[no-untyped-def]
-    """a, b and c of R = 1 + a K + b K² and J = 1 + b K + c K² at θ² = x."""
+    """Return a, b and c of R = 1 + a K + b K² and J = 1 + b K + c K² at θ² = x."""
     theta = np.sqrt(x)
     half = 0.5 * theta
     half_sinc = np.sin(half) / half if theta > 1e-12 else 1.0
@@ -33,8 +33,8 @@ def _coefficients(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _polynomial_of_skew(v, x, first, second, out):  # type: ignore[no-untyped-def]
-    """Fills out (3, 3) with 1 + first · [v]× + second · [v]×², with x = |v|²."""
+def _skew_polynomial(v, x, first, second, out):  # type: ignore[no-untyped-def]
+    """Fill out (3, 3) with 1 + first · [v]× + second · [v]×², with x = |v|²."""
     for i in range(3):
         for j in range(3):
             out[i, j] = second * v[i] * v[j]
@@ -49,7 +49,7 @@ def _polynomial_of_skew(v, x, first, second, out):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def left_jacobian_transpose_slope(v, g, out):  # type: ignore[no-untyped-def]
-    """Fills out (3, 3) with ∂(J(v)ᵀ g)/∂v at fixed g (3,): rows are components of Jᵀg."""
+    """Fill out (3, 3) with ∂(J(v)ᵀ g)/∂v at fixed g (3,): rows are components of Jᵀg."""
     x = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     theta = np.sqrt(x)
     _, b, c = _coefficients(x)
@@ -74,7 +74,7 @@ def left_jacobian_transpose_slope(v, g, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def new_frame(n, a, k):  # type: ignore[no-untyped-def]
-    """Arrays of a chain of n joints with a axes under k actuators.
+    """Return arrays of a chain of n joints with a axes under k actuators.
 
     Origins and rotations of bodies, rest frames, directions, points, τ, ∂τ/∂p, ∂τ/∂u, Σ r Fᵀ about the joints,
     residual (n, a), moments about the joints, six small matrices, pivots of the joints, forces beyond them.
@@ -99,7 +99,7 @@ def new_frame(n, a, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def n_turns(kind, a):  # type: ignore[no-untyped-def]
-    """How many of a joint's a coordinates, the first ones, are alike: all but the travel beside turns."""
+    """Return the number of a joint's leading coordinates of one kind: all a but the travel of an extensible one."""
     return a - 1 if kind == EXTENSIBLE else a
 
 
@@ -117,7 +117,7 @@ def _row(matrix, i, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def place(body, q, frame):  # type: ignore[no-untyped-def]
-    """Fills origins, rotations, rest frames, directions, points and pivots of the frame at q (n, a)."""
+    """Fill origins, rotations, rest frames, directions, points and pivots of the frame at q (n, a)."""
     kind, axes, _, position, rotation, offsets, rests, arms, _, _ = body
     origins, rotations, rest_frames, directions, points = frame[:5]
     pivots = frame[12]
@@ -143,10 +143,10 @@ def place(body, q, frame):  # type: ignore[no-untyped-def]
         else:
             x = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
             first, second, third = _coefficients(x)
-            _polynomial_of_skew(phi, x, first, second, turn)
+            _skew_polynomial(phi, x, first, second, turn)
             _times(rest, turn, rotations[i + 1])
             if kind in (SPHERICAL, EXTENSIBLE):
-                _polynomial_of_skew(phi, x, second, third, jacobian)
+                _skew_polynomial(phi, x, second, third, jacobian)
                 _times(rest, jacobian, seen)
                 rest = seen
         for b in range(turns):
@@ -170,7 +170,7 @@ def _point(frame, body, offset, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _pull(frame, loads, cord, point, force):  # type: ignore[no-untyped-def]
-    """Fills where a cord acts and its force; returns its length."""
+    """Fill where a cord acts and its force; return its length."""
     bodies, places, pulleys, tensions = loads[8:12]
     _point(frame, bodies[cord], places[cord], point)
     square = 0.0
@@ -193,7 +193,7 @@ def _add(total, torsor, point, force):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
-    """Fills Σ r Fᵀ (n, 3, 3) about the pivots, moments (forces if prismatic) and forces (n, 3), of what is beyond."""
+    """Fill Σ r Fᵀ (n, 3, 3) about the pivots, moments (forces if prismatic) and forces (n, 3) of outer bodies."""
     kind, masses = body[0], body[8]
     gravity, tip_force, payload = loads[1], loads[2], loads[4]
     pivots, points, torsors, moments, forces = frame[12], frame[4], frame[8], frame[10], frame[13]
@@ -231,7 +231,7 @@ def sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
-    """Fills the frame and its residual at q (n, a); returns its largest entry and its norm, infinite if no number."""
+    """Fill the frame and its residual at q (n, a); return its largest entry and its norm, infinite if not finite."""
     place(body, q, frame)
     sum_beyond(body, loads, frame)
     directions, tau, residual, moments, forces = frame[3], frame[5], frame[9], frame[10], frame[13]
@@ -257,7 +257,7 @@ def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
-    """Fills U, Y and the diagonal blocks of `equilibrium.new_factor` from a frame that `balance` filled.
+    """Fill U, Y and the diagonal blocks of `equilibrium.new_factor` from a frame that `balance` filled.
 
     Returns the largest difference of ∂τ/∂u to its transpose: 0 where the laws derive from an energy.
     """
@@ -320,7 +320,7 @@ def _dot(first, second):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _stiffen_by_cord(kind, loads, cord, frame, parts):  # type: ignore[no-untyped-def]
-    """Adds T/L Jᵀ (1 − d dᵀ) J of a cord's point, d its direction, L its length, as three rows of U and Y."""
+    """Add T/L Jᵀ (1 − d dᵀ) J of a cord's point, d its direction, L its length, as three rows of U and Y."""
     directions, pivots = frame[3], frame[12]
     before, beyond, own_blocks = parts[0], parts[1], parts[3]
     point, away = frame[11][4, 0], frame[11][4, 1]

@@ -19,7 +19,7 @@ _F, _A, _I = types.float64, types.float64[::1], types.int64
 def call_term(  # type: ignore[no-untyped-def]
     typing_context, address, u, rate, dt, net, t, old, old_at, new, new_at, states, c, c_at, numbers
 ):
-    """The law term at an address, given parts of three arrays as its memory and parameters, no references counted."""
+    """Call the law term at an address with parts of three arrays as memory and parameters, not ref-counted."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         def part(array: Any, at: Any, count: Any) -> Any:
@@ -41,9 +41,9 @@ def call_term(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def combine(terms, joint, u, before, dt, net, t, old, old_at, new, new_at):  # type: ignore[no-untyped-def]
-    """(Σ moment, Π elastic, Π actuation, Σ rest) of one coordinate u of a joint; writes its new memory.
+    """Return (Σ moment, Π elastic, Π actuation, Σ rest) of a joint's coordinate u; write its new memory.
 
-    terms: addresses (m,), rows (m, 5) and parameters (n·P,) of `CompiledTerms`, and P.
+    terms: addresses (m,), rows (m, 6) and parameters (n·P,) of `CompiledTerms`, and P.
     """
     addresses, rows, parameters, width = terms
     rate = (u - before) / dt if 0.0 < dt < np.inf else 0.0
@@ -64,9 +64,18 @@ def combine(terms, joint, u, before, dt, net, t, old, old_at, new, new_at):  # t
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def net_of_joint(signs, drives, i, p):  # type: ignore[no-untyped-def]
-    """The sum of the signed inputs that act on joint i."""
+def joint_net_input(signs, drives, i, p):  # type: ignore[no-untyped-def]
+    """Return the sum of the signed inputs that act on joint i."""
     net = 0.0
     for k in range(drives[i, 0], drives[i, 1]):
         net += signs[k] * p[k]
     return net
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def has_past(terms):  # type: ignore[no-untyped-def]
+    """Return whether any term depends on what was before the step."""
+    count = 0
+    for k in range(len(terms[0])):
+        count += terms[1][k, 5]
+    return count > 0

@@ -1,6 +1,6 @@
 """The MuJoCo engine: fast dynamics, and equilibria by relaxation.
 
-A chain alone moves in real time, relaxes in pseudo-time, or goes through histories; on somebody else's arm both move.
+A chain alone moves in real time, relaxes in pseudo-time, or follows histories; on an external arm both move.
 """
 
 from __future__ import annotations
@@ -12,11 +12,19 @@ from contextlib import closing
 from pathlib import Path
 from typing import ClassVar
 
-from pliant.interfaces.physics import Capabilities, PhysicsBackend, Run, Variation
+from pliant.interfaces.physics import (
+    Capabilities,
+    Case,
+    PhysicsBackend,
+    Run,
+    Variation,
+    roll_each,
+    settle_each,
+)
 from pliant.records.chain import ChainModel
 from pliant.records.history import History
 from pliant.records.mount import Mount
-from pliant.records.rollout import Rollout
+from pliant.records.rollout import Equilibrium, Rollout
 from pliant.records.scene import Scene
 from pliant.records.shape import Shape
 from pliant_plugins.exporting.mjcf import write_mjcf
@@ -36,13 +44,9 @@ class Mujoco(PhysicsBackend):
     capabilities: ClassVar[Capabilities] = Capabilities(
         ("revolute", "spherical", "prismatic", "extensible"),
         dynamic=True,
-        internal_states=True,
-        batch=True,
-        contacts=True,
         arms_touch=True,
-        mounts=True,
-        export="mjcf",
     )
+    export_format: ClassVar[str] = "mjcf"
     config: MujocoConfig
 
     def build(self, chain: ChainModel) -> MujocoSimulation:
@@ -51,15 +55,15 @@ class Mujoco(PhysicsBackend):
         return MujocoSimulation(chain, self.config)
 
     def check_mount(self, mount: Mount) -> None:
-        MountedArm.of(mount)
+        MountedArm.from_mount(mount)
 
     def mount_shapes(self, mount: Mount) -> tuple[tuple[Shape, ...], ...]:
-        return MountedArm.of(mount).shapes()
+        return MountedArm.from_mount(mount).shapes()
 
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> Paths:
-        """Steps with the chain's own inertia; derivatives are differences to the varied chain's own path."""
+        """Step with the chain's inertia; derivatives are finite differences of paths."""
         through = MujocoSimulation.through
         return step_through(self.build, chain, histories, towards, self.config.timestep_s, through)
 
@@ -71,8 +75,11 @@ class Mujoco(PhysicsBackend):
             return None
         return "compiling the simulation, about ten seconds; this happens once after an installation."
 
+    def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
+        return settle_each(self, cases)
+
     def rollout_batch(self, runs: Sequence[Run]) -> tuple[Rollout, ...]:
-        """Runs of one chain share its model; on all cores where laws are compiled, which hold no lock of Python."""
+        """Run histories; runs of one chain share its model, on all cores if laws are compiled."""
         cores = os.cpu_count() or 1
         of_chain: dict[int, list[int]] = {}
         for k, run in enumerate(runs):
@@ -86,14 +93,24 @@ class Mujoco(PhysicsBackend):
         return tuple(rollouts[k] for k in range(len(runs)))
 
     def _roll_all(self, runs: Sequence[Run]) -> list[Rollout]:
-        """Runs of one chain, each from rest."""
+        """Run histories of one chain, each from rest."""
         rollouts = []
         with closing(self.build(runs[0].chain)) as simulation:
             rest = simulation.snapshot()
             for run in runs:
                 simulation.restore(rest)
-                rollouts.append(simulation.roll(run.history) or self._roll(run))
+                rollouts.append(simulation.roll(run.history) or roll_each(self, [run])[0])
         return rollouts
+
+    def effort_tolerance(self) -> float:
+        """Return the config's."""
+        return self.config.tolerance
+
+    def added_damping(self) -> str:
+        """Return drag and joint damping, where they are not 0."""
+        drag, damping = self.config.drag_1_s, self.config.joint_damping
+        named = [f"drag_1 {drag:g} 1/s"] if drag else []
+        return " and ".join([*named, *([f"joint_damping {damping:g} N·m·s/rad"] if damping else [])])
 
     def export(self, chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
         return write_mjcf(chain, path, looks, self.config.joint_damping)

@@ -25,6 +25,7 @@ class MujocoConfig(PhysicsConfig):
         ge=0.0,
         description="viscous damping of every joint coordinate in `step`, N·m·s/rad; equilibria do not depend on it",
     )
+    bare_keys = ("drag_1_s",)
     drag_1_s: float = Field(
         7.0,
         ge=0.0,

@@ -1,11 +1,11 @@
-"""The joints of one chain inside a MuJoCo model: coordinates in and out, efforts of the laws at the dofs.
+"""The joints of one chain inside a MuJoCo model: reading and setting coordinates, efforts of the laws at the dofs.
 
 A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = Jᵣ⁻¹ ω; an effort τ conjugate to
 φ is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates. An extensible joint is a ball and a slide.
 
-Law terms see rate and memory, T(u) = τ(u, (u − q)/h, …), and are taken at the end of the step. Linearised where
-the velocity leads, u* = q + h v:  T(q + h v⁺) ≈ T(u*) − K h (v⁺ − v),  K = −dT/du there, in which a rate's slope is
-c/h. So the force is T(u*) + h K v, beside the damping h K that MuJoCo applies to v⁺: a dashpot T = −c v leaves no
+Law terms depend on rate and memory, T(u) = τ(u, (u − q)/h, …), and are evaluated at the end of the step. Linearised at
+the extrapolated u* = q + h v:  T(q + h v⁺) ≈ T(u*) − K h (v⁺ − v),  K = −dT/du there, in which a rate's slope is c/h.
+So the force is T(u*) + h K v, in addition to the damping h K that MuJoCo applies to v⁺: a dashpot T = −c v gives no
 force and the damping c, counted once.
 """
 
@@ -19,10 +19,10 @@ import numpy as np
 
 from pliant.mechanics.kinematics import Pose
 from pliant.mechanics.rotations import (
-    quaternion_of_vector,
+    quaternion_from_vector,
     right_jacobian,
     right_jacobian_inverse,
-    vector_of_quaternion,
+    vector_from_quaternion,
 )
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.mechanics.terms import TermMemory
@@ -70,7 +70,7 @@ class ChainJoints:
         axes = np.resize(np.argmax(self._geometry.basis, axis=0), 3)
         self.layout = (self.ball, axes, self.main, float(self._reach[-1]))
         # Compiled forms, None where a law or a term has none.
-        compiled = CompiledLaws.of(chain)
+        compiled = CompiledLaws.from_chain(chain)
         self.laws = None if compiled is None else compiled.arrays
         self.terms = compiled_terms(chain.terms, n)
         self._has_terms, self._none = bool(chain.terms), np.zeros(n)
@@ -85,14 +85,14 @@ class ChainJoints:
         return self.coordinates(self._qpos)
 
     def coordinates(self, qpos: Array) -> Array:
-        """(…, n, a) joint coordinates of MuJoCo's own (…, n), of balls (…, n, 4), with a slide (…, n, 5)."""
+        """Return (…, n, a) joint coordinates of MuJoCo's (…, n), of balls (…, n, 4), with a slide (…, n, 5)."""
         if not self.ball:
             return qpos[..., None].copy()
-        q = np.asarray(vector_of_quaternion(qpos[..., :4]) @ self._geometry.basis)
+        q = np.asarray(vector_from_quaternion(qpos[..., :4]) @ self._geometry.basis)
         return self._with_slide(q, qpos[..., -1])
 
     def _with_slide(self, values: Array, slides: Array) -> Array:
-        """The values with `slides` (…) in their last column, that of the extension, where there is one."""
+        """Return the values with `slides` (…) in their last column, the extension, if there is one."""
         if self._slides:
             values[..., -1] = slides
         return values
@@ -102,7 +102,7 @@ class ChainJoints:
         """(n, a) rates dq/dt of the joint coordinates."""
         if not self.ball:
             return self._qvel.reshape(-1, 1).copy()
-        inverse = right_jacobian_inverse(vector_of_quaternion(self._qpos[:, :4]))
+        inverse = right_jacobian_inverse(vector_from_quaternion(self._qpos[:, :4]))
         rates: Array = np.einsum("nij,nj->ni", inverse, self._qvel[:, :3])
         return self._with_slide(rates @ self._geometry.basis, self._qvel[:, -1])
 
@@ -110,7 +110,7 @@ class ChainJoints:
         """Set joint coordinates and their rates."""
         if self.ball:
             phi, phi_rate = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            self._with_slide(self._qpos, q[:, -1])[:, :4] = quaternion_of_vector(phi)
+            self._with_slide(self._qpos, q[:, -1])[:, :4] = quaternion_from_vector(phi)
             self._with_slide(self._qvel, rates[:, -1])[:, :3] = np.einsum(
                 "nij,nj->ni", right_jacobian(phi), phi_rate
             )
@@ -122,7 +122,7 @@ class ChainJoints:
         self._views[1][:] *= kept
 
     def views(self) -> tuple[Array, ...]:
-        """MuJoCo's own numbers, flat: coordinates, velocities, forces, damping; tip force and bodies' places."""
+        """Return flat views of MuJoCo's coordinates, velocities, forces, damping, tip force and body positions."""
         flat = [part.reshape(-1) for part in (self._qpos, self._qvel, self._applied, self._damping)]
         bodies = slice(self.base, self.tip + 1)
         return (*flat, self._data.xfrc_applied[self.tip, :3], self._data.xpos[bodies])
@@ -130,12 +130,12 @@ class ChainJoints:
     def drive(
         self, loads: Loads, damping: float, extra_stiffness: Array | None = None, caution: float = 1.0
     ) -> None:
-        """Forces of laws and loads for the next step, from where the chain is.
+        """Apply the forces of laws and loads for the next step at the present state.
 
-        The force at the joints is exactly the laws' τ. Their local slope k enters as a damping h k beside the
-        physical one, which MuJoCo takes implicitly, so the stiffness is implicit too (`compiled.motion`). With
-        `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra. Law terms act as at
-        the end of the step of `loads.memory`; where that is infinite, as in a slow motion.
+        The force at the joints is exactly the laws' τ. Their local slope k enters as a damping h k in addition to the
+        physical one; MuJoCo treats it implicitly, so that the stiffness is implicit too (`compiled.motion`). With
+        `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra. Law terms are evaluated at
+        the end of the step of `loads.memory`; if that is infinite, as in a quasi-static motion.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
         plain_step = extra_stiffness is None and caution == 1.0 and _timed(loads)
@@ -152,14 +152,14 @@ class ChainJoints:
         self._push(loads)
 
     def _inputs(self, loads: Loads) -> tuple[Array, float, float]:
-        """Values of the actuators, end moment, temperature."""
+        """Return values of the actuators, end moment, temperature."""
         if loads is not self._loads:
             self._loads, self._values = loads, self.statics.efforts.values(loads.actuation)
         temperature = 0.0 if loads.memory is None else float(loads.memory.temperature_c)
         return self._values, float(loads.moment_n_m), temperature
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
-        """In Python: laws or terms without a compiled form, terms in a slow motion."""
+        """Apply the forces in Python: for laws or terms without a compiled form and terms in a quasi-static motion."""
         step_s, q, timed = self.model.opt.timestep, self.q, _timed(loads)
         if timed:
             q = q + step_s * self.rates
@@ -182,11 +182,11 @@ class ChainJoints:
         self._damping[:] = damping + implicit
 
     def rested(self) -> TermMemory | None:
-        """What law terms know of the past in a virgin chain; None without terms."""
+        """Return the memory of law terms in a virgin chain; None without terms."""
         return self.statics.efforts.terms.rested() if self._has_terms else None
 
     def remember(self, loads: Loads) -> Loads:
-        """The loads after a step that ended where the chain is: with what law terms then know of the past."""
+        """Return the loads after a step that ended at the present state, with the memory of law terms."""
         if loads.memory is None:
             return loads
         memory = loads.memory
@@ -198,7 +198,7 @@ class ChainJoints:
         return loads.after(replace(memory, previous=past, states=states))
 
     def _push(self, loads: Loads) -> None:
-        """Forces of the loads on the bodies, where these are now."""
+        """Apply forces of the loads to the bodies at their present positions."""
         data = self._data
         self.push_tip(loads)
         if not loads.forces and not loads.cords:
@@ -214,14 +214,14 @@ class ChainJoints:
             mujoco.mj_applyFT(self.model, data, pull.force_n, none, pull.point_m, body, data.qfrc_applied)
 
     def push_tip(self, loads: Loads) -> None:
-        """The tip force on its body, until the next call."""
+        """Apply the tip force to its body until the next call."""
         self._data.xfrc_applied[self.tip, :3] = loads.tip_force_n
 
     def markers(self) -> Array:
-        """(n + 2, 3) base, joints and tip as MuJoCo's kinematics have them now."""
+        """Return (n + 2, 3) base, joints and tip by MuJoCo's present kinematics."""
         return self._data.xpos[self.base : self.tip + 1].copy()
 
 
 def _timed(loads: Loads) -> bool:
-    """Whether law terms see time go by."""
+    """Return whether time passes for law terms."""
     return loads.memory is not None and math.isfinite(loads.memory.dt_s)

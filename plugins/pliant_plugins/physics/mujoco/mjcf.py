@@ -17,7 +17,7 @@ import numpy as np
 
 from pliant.mechanics.inertia import regular
 from pliant.mechanics.kinematics import ChainGeometry
-from pliant.mechanics.rotations import quaternion_of_matrix
+from pliant.mechanics.rotations import quaternion_from_matrix
 from pliant.meshing.surfaces import support
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
@@ -33,32 +33,33 @@ JOINT_TYPES = {
     "extensible": ("ball", "slide"),
 }
 # A moving body must have inertia: these floors keep the mass matrix regular. A body without mass is also
-# freed from gravity, so that its floor weighs nothing.
+# freed from gravity, so that its floor has no weight.
 MASS_FLOOR_KG = 1e-9
 INERTIA_FLOOR_KG_M2 = 1e-12
 
 
 def chain_mjcf(chain: ChainModel) -> str:
-    """The MJCF document. Body names: base, body_1…n, tip (welded to the last body, carries the payload)."""
+    """Return the MJCF document. Body names: base, body_1…n, tip (welded to the last body, carries the payload)."""
     root = document("chain")
     # This integrator takes damping implicitly, and with it the laws' stiffness (`ChainJoints.drive`).
     gravity = text(chain.gravity_m_s2)
     option = SubElement(root, "option", integrator="implicitfast", gravity=gravity, jacobian="dense")
     SubElement(option, "flag", contact="disable", constraint="disable", autoreset="disable")
-    add_chain(SubElement(root, "worldbody"), chain)
+    base, *_ = add_chain(SubElement(root, "worldbody"), chain)
+    add_base_inertia(base, chain)
     return tostring(root, encoding="unicode")
 
 
 def document(name: str) -> Element:
-    """An empty MJCF document in radians; inertias are those that are given, never those of geoms."""
+    """Return an empty MJCF document in radians; inertias are those that are given, never those of geoms."""
     root = Element("mujoco", model=name)
     SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     return root
 
 
 def add_chain(parent: Element, chain: ChainModel, prefix: str = "") -> tuple[Element, ...]:
-    """Adds the chain's bodies below `parent`, names with the prefix; returns base and body 1…n."""
-    geometry = ChainGeometry.of(chain)
+    """Add the chain's bodies below `parent`, names with the prefix; return base and body 1…n."""
+    geometry = ChainGeometry.from_chain(chain)
     base = add_body(parent, f"{prefix}base", chain.base_position_m, chain.base_rotation)
     bodies = [base]
     for i in range(chain.n_joints):
@@ -75,14 +76,14 @@ def add_chain(parent: Element, chain: ChainModel, prefix: str = "") -> tuple[Ele
 
 
 def add_body(parent: Element, name: str, position_m: Array, rotation: Array) -> Element:
-    """A body at this pose in its parent's frame."""
+    """Add a body at this pose in its parent's frame."""
     return SubElement(
-        parent, "body", name=name, pos=text(position_m), quat=text(quaternion_of_matrix(rotation))
+        parent, "body", name=name, pos=text(position_m), quat=text(quaternion_from_matrix(rotation))
     )
 
 
 def add_inertia(body: Element, piece: MassProperties) -> None:
-    """Mass and inertia of a moving body, raised to the floors."""
+    """Add mass and inertia of a moving body, raised to the floors."""
     if piece.mass_kg == 0.0:
         body.set("gravcomp", "1")
     moved = regular(piece, MASS_FLOOR_KG, INERTIA_FLOOR_KG_M2)
@@ -92,15 +93,21 @@ def add_inertia(body: Element, piece: MassProperties) -> None:
     )
 
 
+def add_base_inertia(base: Element, chain: ChainModel) -> None:
+    """Add mass and inertia of the piece on the base, which moves with the chain's carrier."""
+    if chain.bodies[0].mass_kg > 0.0:
+        add_inertia(base, chain.bodies[0])
+
+
 def text(values: Iterable[float]) -> str:
-    """Numbers as MJCF writes them, exact."""
+    """Return numbers as MJCF writes them, exact."""
     return " ".join(repr(float(value)) for value in values)
 
 
 # The heaviest arm cannot slow a carriage of this inertia: 1 N changes its speed by 2e-9 m/s in 2 ms.
 CARRIAGE_KG = 1e6
 CARRIAGE_DOFS = 3
-# MuJoCo's own 1e-8 lets what is held jitter, and slip below its limit.
+# MuJoCo's default of 1e-8 lets held objects jitter, and slip below their limit.
 SOLVER_TOLERANCE = 1e-12
 # A ball's rolling resistance and a patch's resistance to spinning are not in the scene's rule.
 POINT_FRICTION = 3
@@ -116,7 +123,7 @@ class Geom:
 
 
 def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...]]:
-    """The document of a scene with the config's contact settings, and its geoms in MuJoCo's order.
+    """Return the document of a scene with the config's contact settings, and its geoms in MuJoCo's order.
 
     Names of the bodies of arm k begin with `arm_k_`; objects are `object_0`, `object_1`, …
     """
@@ -138,7 +145,7 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
 
     def add(body: Element, part: Part, friction: float, **how: str) -> None:
         geoms.append(Geom(f"geom_{len(geoms)}", part, friction))
-        # contype 0: nothing touches but the pairs that are written out.
+        # contype 0: only the listed pairs collide.
         none = {"mass": "0", "contype": "0", "conaffinity": "0"}
         SubElement(body, "geom", {"name": geoms[-1].name, **none, **how})
 
@@ -146,7 +153,7 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
         for shape in shapes:
             if shape.mesh is None:
                 look = {"size": text(shape.size_m)}
-            else:  # a mesh stands for its convex hull; its faces are MuJoCo's own
+            else:  # a mesh collides as its convex hull; MuJoCo computes its faces
                 look = {"mesh": f"mesh_{len(geoms) + 1}"}
                 vertices = text(np.asarray(shape.mesh.vertices_m, float).ravel())
                 SubElement(assets, "mesh", name=look["mesh"], vertex=vertices, inertia="convex")
@@ -191,10 +198,11 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
 
 
 def parts_apart(chain: ChainModel) -> int:
-    """How many bodies apart two bodies of a chain must be to count as touching when their shapes meet.
+    """Return the smallest difference of body numbers in a chain at which a collision of two bodies counts.
 
     The piece of chain between them is then longer than half a turn about half the chain's thickness in a plane of
-    bending: nearer bodies meet on the inner side of any bend, where a soft module gives way and its law has the cost.
+    bending: nearer bodies meet on the inner side of any bend, where a soft module is compressed and its law includes
+    the effort.
     """
     across = {"y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}  # where a bend about an axis moves the next body
     ways = [np.array(across[axis]) for axis in chain.axes if axis in across] or list(np.eye(3)[1:])
@@ -204,11 +212,11 @@ def parts_apart(chain: ChainModel) -> int:
 
 
 def _meet(one: Part, other: Part, apart: Sequence[int]) -> bool:
-    """Whether these bodies of arms can touch."""
+    """Return whether these bodies of arms can touch."""
     return one.number != other.number or abs(one.body - other.body) >= apart[one.number]
 
 
 def placed(shape: Shape) -> dict[str, str]:
-    """Kind and pose of a shape as a geom has them."""
-    rotation = text(quaternion_of_matrix(np.asarray(shape.rotation, float)))
+    """Return kind and pose of a shape as a geom has them."""
+    rotation = text(quaternion_from_matrix(np.asarray(shape.rotation, float)))
     return {"type": shape.kind, "pos": text(shape.position_m), "quat": rotation}

@@ -1,4 +1,4 @@
-"""Somebody else's arm in MJCF: what of it a study names, its first pose, one model of it with a chain on it."""
+"""An external arm in MJCF: the parts that a study names, its first pose, one model of it with a chain on it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from pliant.errors import UserError, closest
-from pliant.mechanics.rotations import matrix_of_quaternion
+from pliant.mechanics.rotations import matrix_from_quaternion
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.mount import Mount
@@ -43,7 +43,7 @@ SIZES = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}
 
 @dataclass(frozen=True, eq=False)
 class MountedArm:
-    """An arm with its first pose; `qpos`, `ctrl` and `act` are in the order of its own model."""
+    """An arm with its first pose; `qpos`, `ctrl` and `act` are in the order of the arm's model."""
 
     mount: Mount
     model: mujoco.MjModel
@@ -52,11 +52,11 @@ class MountedArm:
     act: Array
 
     @staticmethod
-    def of(mount: Mount) -> MountedArm:
-        """Read the file and find what the study names in it.
+    def from_mount(mount: Mount) -> MountedArm:
+        """Read the file and find the parts that the study names.
 
         Raises:
-            UserError: no file, no MJCF, a name that it does not have, an arm that nothing holds in the world.
+            UserError: no file, no MJCF, an unknown name, an arm that is not fixed to the world.
         """
         model = _compiled(_spec(mount), mount)
         _check_place(model, mount)
@@ -64,7 +64,7 @@ class MountedArm:
         return MountedArm(mount, model, qpos, ctrl, act)
 
     def with_chain(self, chain: ChainModel) -> tuple[mujoco.MjModel, str]:
-        """One model of both, and the prefix of the chain's names in it.
+        """Return one model of both, and the prefix of the chain's names in it.
 
         Options are the arm's but for the integrator, which takes the laws' slopes implicitly, and gravity, the chain's.
         """
@@ -87,8 +87,8 @@ class MountedArm:
         return _compiled(whole, self.mount), prefix
 
     def shapes(self) -> tuple[tuple[Shape, ...], ...]:
-        """What MuJoCo's own viewers show of each body, the world's first; planes are left out."""
-        return tuple(tuple(_shapes_of(self.model, body)) for body in range(self.model.nbody))
+        """Return the shapes of each body that MuJoCo's viewers show, the world's first, without planes."""
+        return tuple(tuple(_body_shapes(self.model, body)) for body in range(self.model.nbody))
 
 
 def _spec(mount: Mount) -> mujoco.MjSpec:
@@ -118,12 +118,12 @@ def _short(error: Exception) -> str:
 
 
 def _names(model: mujoco.MjModel, kind: mujoco.mjtObj, count: int) -> list[str]:
-    """Names by number; "" where there is none."""
+    """Return names by number; "" for an object without a name."""
     return [mujoco.mj_id2name(model, kind, k) or "" for k in range(count)]
 
 
 def _number(name: str, names: Iterable[str], what: str) -> int:
-    """The place of a name; raises `UserError` with the closest one, or all of them where they are few."""
+    """Return the index of a name; raise `UserError` with the closest one, or all of them if they are few."""
     known = list(names)
     if name in known:
         return known.index(name)
@@ -135,7 +135,7 @@ def _number(name: str, names: Iterable[str], what: str) -> int:
 
 
 def _check_place(model: mujoco.MjModel, mount: Mount) -> None:
-    """Raise `UserError` for a place that is not there, or that stands on nothing."""
+    """Raise `UserError` for a place that does not exist or is not attached to the world."""
     sites = _names(model, mujoco.mjtObj.mjOBJ_SITE, model.nsite)
     bodies = _names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
     if mount.at in sites:
@@ -153,7 +153,7 @@ def _check_place(model: mujoco.MjModel, mount: Mount) -> None:
 
 
 def _first_pose(model: mujoco.MjModel, mount: Mount) -> tuple[Array, Array, Array]:
-    """Coordinates, commands and activations that the arm begins with."""
+    """Return initial coordinates, commands and activations of the arm."""
     qpos, ctrl, act = model.qpos0.copy(), np.zeros(model.nu), np.zeros(model.na)
     keys = _names(model, mujoco.mjtObj.mjOBJ_KEY, model.nkey)
     file = mount.file.name
@@ -191,20 +191,20 @@ def _first_pose(model: mujoco.MjModel, mount: Mount) -> tuple[Array, Array, Arra
 
 
 def _is_servo(model: mujoco.MjModel, actuator: int, joint: int) -> bool:
-    """Whether the actuator holds this joint at its command."""
+    """Return whether the actuator is a position servo of this joint."""
     on_joint = int(model.actuator_trntype[actuator]) == ON_JOINT
     stiffness, bias = float(model.actuator_gainprm[actuator, 0]), float(model.actuator_biasprm[actuator, 1])
     held = stiffness > 0.0 and math.isclose(stiffness, -bias)
     return on_joint and int(model.actuator_trnid[actuator, 0]) == joint and held
 
 
-def _shapes_of(model: mujoco.MjModel, body: int) -> Iterable[Shape]:
+def _body_shapes(model: mujoco.MjModel, body: int) -> Iterable[Shape]:
     first = int(model.body_geomadr[body])
     for geom in range(first, first + int(model.body_geomnum[body])):
         if model.geom_group[geom] >= HIDDEN_GROUP or model.geom_rgba[geom, 3] == 0.0:
             continue
         kind = int(model.geom_type[geom])
-        place = np.array(model.geom_pos[geom]), matrix_of_quaternion(np.array(model.geom_quat[geom]))
+        place = np.array(model.geom_pos[geom]), matrix_from_quaternion(np.array(model.geom_quat[geom]))
         if kind == MESH:
             yield Shape("mesh", (), *place, _surface(model, int(model.geom_dataid[geom])))
         elif kind in KINDS:

@@ -1,4 +1,4 @@
-"""A chain on somebody else's arm: one MuJoCo model in which both move and settle.
+"""A chain on an external arm: one MuJoCo model in which both move and settle.
 
 A motion is MuJoCo's own, in steps no longer than the arm's. For a rest, all dofs together go down the potential of
 arm, servos, weights and laws: from rest, M v = h f(q + h v) linearised,
@@ -18,8 +18,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from pliant.interfaces.physics import SimulationState
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -44,7 +45,7 @@ class MountedSimulation(MujocoSimulation):
 
     def __init__(self, chain: ChainModel, config: MujocoConfig) -> None:
         assert chain.mount is not None
-        self._arm = arm = MountedArm.of(chain.mount)
+        self._arm = arm = MountedArm.from_mount(chain.mount)
         model, prefix = arm.with_chain(chain)
         longest_s = min(config.timestep_s, float(model.opt.timestep))
         super().__init__(chain, config.model_copy(update={"timestep_s": longest_s}), model, prefix)
@@ -64,12 +65,12 @@ class MountedSimulation(MujocoSimulation):
         self._seen = self._places[[int(arm.model.jnt_qposadr[k]) for k in one]]
 
     def _begin(self) -> None:
-        """The arm at its first pose, without velocity."""
+        """Set the arm to its first pose, without velocity."""
         self.data.qpos[self._places], self.data.qvel[self._dofs] = self._arm.qpos, 0.0
         self.data.qacc_warmstart[:] = 0.0
 
     def _frame(self) -> tuple[Array, Array]:
-        """Origin (3,) and attitude (3, 3) of the mount, as the kinematics have it now."""
+        """Return origin (3,) and attitude (3, 3) of the mount by the present kinematics."""
         at, data = self._arm.mount.at, self.data
         if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, at) >= 0:
             return data.site(at).xpos, data.site(at).xmat.reshape(3, 3)
@@ -118,7 +119,9 @@ class MountedSimulation(MujocoSimulation):
         loads, efforts = self.now(), self.statics.efforts
         with silent(), self._without_dry_friction():
             converged, steps = self._descend(loads)
-            own = float(np.abs(self._unbalanced(loads)[self._dofs]).max(initial=0.0))
+            force = self._unbalanced(loads)
+            carrying = np.intersect1d(self._dofs, self._coupled(), assume_unique=True)
+            own = float(np.abs(force[carrying]).max(initial=0.0))
         q = self.q
         if self.chain.terms:
             self._memory = efforts.advance(q, loads.actuation, self._memory)
@@ -143,7 +146,7 @@ class MountedSimulation(MujocoSimulation):
 
     @contextmanager
     def _without_dry_friction(self) -> Iterator[None]:
-        """MuJoCo's dry friction creeps under any force, so that at rest it carries nothing."""
+        """Disable MuJoCo's dry friction, which creeps under any force and so carries nothing at rest."""
         flags = self.model.opt.disableflags
         self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
         try:
@@ -152,26 +155,42 @@ class MountedSimulation(MujocoSimulation):
             self.model.opt.disableflags = flags
 
     def _unbalanced(self, loads: Loads) -> Array:
-        """(nv,) efforts at rest where arm and chain are."""
+        """Return the (nv,) unbalanced efforts at rest in the present pose."""
         self.data.qvel[:] = 0.0
         self._drive(loads, 0.0)
         mujoco.mj_forward(self.model, self.data)
         return np.asarray(self.data.qfrc_smooth + self.data.qfrc_constraint)
 
-    def _stiffness(self, loads: Loads) -> Array:
-        """(nv, nv) slope of what is not balanced, negative."""
-        here, found = self.data.qpos.copy(), np.empty((self.model.nv, self.model.nv))
-        for k, way in enumerate(np.eye(self.model.nv)):
+    def _coupled(self) -> NDArray[np.intp]:
+        """Return the dofs of the arm and of bodies in contact with it or tied to it; other objects do not move."""
+        model, data = self.model, self.data
+        trees = model.dof_treeid
+        if model.neq or model.ntendon:
+            return np.arange(model.nv)
+        pairs = (
+            model.body_treeid[model.geom_bodyid[data.contact.geom]] if data.ncon else np.empty((0, 2), int)
+        )
+        own = {int(trees[self.joints.dof])}
+        while True:
+            met = {int(tree) for pair in pairs if own & set(pair.tolist()) for tree in pair if tree >= 0}
+            if met <= own:
+                return np.flatnonzero(np.isin(trees, list(own)))
+            own |= met
+
+    def _stiffness(self, loads: Loads, dofs: NDArray[np.intp]) -> Array:
+        """Return (k, k) the negative slope of the unbalanced efforts of these dofs."""
+        here, found = self.data.qpos.copy(), np.empty((len(dofs), len(dofs)))
+        for k, way in enumerate(np.eye(self.model.nv)[dofs]):
             sides = []
             for step in (DIFFERENCE, -DIFFERENCE):
                 mujoco.mj_integratePos(self.model, self.data.qpos, way, step)
-                sides.append(self._unbalanced(loads))
+                sides.append(self._unbalanced(loads)[dofs])
                 self.data.qpos[:] = here
             found[:, k] = (sides[1] - sides[0]) / (2.0 * DIFFERENCE)
         return found
 
     def _mass(self) -> Array:
-        """(nv, nv) mass matrix; MuJoCo's own `mj_fullM` is called differently from version to version."""
+        """Return the (nv, nv) mass matrix; the signature of MuJoCo's `mj_fullM` depends on the version."""
         columns, column = [], np.empty(self.model.nv)
         for way in np.eye(self.model.nv):
             mujoco.mj_mulM(self.model, self.data, column, way)
@@ -182,19 +201,21 @@ class MountedSimulation(MujocoSimulation):
         """Move to rest; whether a minimum was reached, and in how many steps."""
         data, step_s, before = self.data, FIRST_STEP_S, np.inf
         for count in range(MOST_STEPS):
-            force = self._unbalanced(loads)
+            whole = self._unbalanced(loads)
+            dofs = self._coupled()
+            force = whole[dofs]
             size = float(np.abs(force).max())
             if not np.isfinite(size):
                 return False, count
-            stiffness = self._stiffness(loads)
-            if self._is_balanced(force):
+            stiffness = self._stiffness(loads, dofs)
+            if self._is_balanced(whole, dofs):
                 mode = unstable_mode(stiffness)
                 if mode is None:
                     return True, count
                 move = NUDGE * mode / np.abs(mode).max()
             else:
                 step_s = min(step_s * float(np.clip(before / size, 0.5, 4.0)), LONGEST_STEP_S)
-                metric = self._mass() / step_s**2 + stiffness
+                metric = self._mass()[np.ix_(dofs, dofs)] / step_s**2 + stiffness
                 try:
                     move = np.linalg.solve(metric, force)
                 except np.linalg.LinAlgError:
@@ -205,18 +226,20 @@ class MountedSimulation(MujocoSimulation):
                 longest = float(np.abs(move).max())
                 if longest > LONGEST_MOVE:
                     move *= LONGEST_MOVE / longest
-            mujoco.mj_integratePos(self.model, data.qpos, move, 1.0)
+            change = np.zeros(self.model.nv)
+            change[dofs] = move
+            mujoco.mj_integratePos(self.model, data.qpos, change, 1.0)
             before = size
         return False, MOST_STEPS
 
-    def _is_balanced(self, force: Array) -> bool:
-        """The chain's dofs to the config's tolerance, the arm's to that share of what its joints carry."""
+    def _is_balanced(self, force: Array, dofs: NDArray[np.intp]) -> bool:
+        """Return whether the chain's dofs are within the tolerance, the arm's within that share of its loads."""
         tolerance = np.full(self.model.nv, self._config.tolerance)
         carried = max(1.0, float(np.abs(self.data.qfrc_bias).max()))
         tolerance[self._dofs] = OF_CONSTRAINTS if self.data.nefc else self._config.tolerance * carried
-        return bool((np.abs(force) <= tolerance).all())
+        return bool((np.abs(force) <= tolerance)[dofs].all())
 
 
 def _others(count: int, first: int, own: int) -> Any:
-    """Numbers below `count` that are not among the `own` from `first` on."""
+    """Return numbers below `count` that are not among the `own` from `first` on."""
     return np.r_[0:first, first + own : count]

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from pliant.errors import UserError
-from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
+from pliant.mechanics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from pliant.mechanics.terms import TermMemory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -26,7 +26,7 @@ from pliant.records.rollout import Inputs
 from pliant.records.scene import Contact, Scene, SceneState
 from pliant.records.shape import Shape
 from pliant_plugins.physics.compiled.motion import drive_arms
-from pliant_plugins.physics.dynamic import ArmsScene, contact_of
+from pliant_plugins.physics.dynamic import ArmsScene, ordered_contact
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.joints import ChainJoints
 from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, scene_mjcf
@@ -37,10 +37,10 @@ STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 OBJECT_DOFS = 6
 # An object that is slower rests.
 REST_M_S = 2e-3
-# Nothing may move further in a step than this share of the distance that counts as near: what is far in a
-# list that is one step old is then still apart after the next.
+# Largest motion in a step as a share of the distance that counts as near: bodies that are far in a list of
+# the last step are then still apart after the next.
 SHARE = 0.5
-# What stands for bodies that are not objects; these are numbered from 0.
+# Codes of bodies that are not objects; objects are numbered from 0.
 ARM, FLOOR = -2, -1
 
 
@@ -48,7 +48,7 @@ class MujocoScene(ArmsScene):
     """A scene in MuJoCo, its arms driven by their laws at every step; see `SceneSimulation`."""
 
     def __init__(self, scene: Scene, config: MujocoConfig) -> None:
-        """Raises `UserError` for a MuJoCo that is too old."""
+        """Build the scene. Raises `UserError` for a MuJoCo that is too old."""
         if not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
             raise UserError(
                 f"scenes need MuJoCo 3.13 or later, which has the integrator 'discrete'; here is {mujoco.__version__}. "
@@ -65,7 +65,7 @@ class MujocoScene(ArmsScene):
             ChainJoints(model, data, chain, statics, f"arm_{k}_")
             for k, (chain, statics) in enumerate(zip(self._chains, self._statics, strict=True))
         ]
-        # What law terms know of the past, arm by arm; None where an arm has none.
+        # Memory of law terms, arm by arm; None if an arm has none.
         self._memories: list[TermMemory | None] = [arm.rested() for arm in self._arms]
         self._engine = (data.qpos, data.qfrc_applied, model.dof_damping)
         self._laws = _joined(self._arms)
@@ -106,7 +106,7 @@ class MujocoScene(ArmsScene):
         self._take()
 
     def _take(self) -> None:
-        """Loads of each arm from now on."""
+        """Set the loads of each arm."""
         self._pulled = any(loads.forces or loads.cords for loads in self._loads)
         pairs = list(zip(self._arms, self._loads, strict=True))
         for arm, loads in pairs:
@@ -139,12 +139,12 @@ class MujocoScene(ArmsScene):
             )
 
     def _is_near(self) -> bool:
-        """Whether an arm is near an object by the last list of contacts, or an object touches nothing."""
+        """Return whether an arm is near an object by the last list of contacts, or an object touches nothing."""
         contacts = self._data.contact
         return bool(_is_near(contacts.geom, contacts.efc_address, self._bodies, len(self._extents)))
 
     def _longest_step(self, near: bool) -> float:
-        """Longest step (s) from the present velocities of all dofs."""
+        """Return longest step (s) from the present velocities of all dofs."""
         short, long = self._steps_s
         if not (len(self._extents) or self.scene.arms_touch):
             return long
@@ -179,7 +179,7 @@ class MujocoScene(ArmsScene):
 
     def snapshot(self) -> SceneState:
         poses, rates = self._object_poses, self._object_rates
-        rotations = matrix_of_quaternion(poses[:, 3:])
+        rotations = matrix_from_quaternion(poses[:, 3:])
         spins = np.einsum("kij,kj->ki", rotations, rates[:, 3:])
         private = np.empty(mujoco.mj_stateSize(self._model, STATE))
         mujoco.mj_getState(self._model, self._data, private, STATE)
@@ -201,7 +201,7 @@ class MujocoScene(ArmsScene):
             mujoco.mj_setState(self._model, data, state.private["mujoco"], STATE)
         else:
             self._place(state)
-        # Rested where nothing is given.
+        # At rest by default.
         self._memories = [arm.rested() for arm in self._arms]
         for k, (arm, memory) in enumerate(zip(self._arms, self._memories, strict=True)):
             known = state.memories[k] if k < len(state.memories) else None
@@ -223,13 +223,13 @@ class MujocoScene(ArmsScene):
             joints.place(q, rates)
         spins = np.einsum("kij,ki->kj", state.rotations, state.velocities[:, 3:])
         self._object_poses[:] = np.concatenate(
-            [state.positions_m, quaternion_of_matrix(state.rotations)], axis=1
+            [state.positions_m, quaternion_from_matrix(state.rotations)], axis=1
         )
         self._object_rates[:] = np.concatenate([state.velocities[:, :3], spins], axis=1)
         data.qacc_warmstart[:] = 0.0
 
     def _look(self) -> None:
-        """Let MuJoCo find contacts and their forces in the present state, which stays as it is."""
+        """Let MuJoCo find contacts and their forces in the present state without changing it."""
         state = np.empty(mujoco.mj_stateSize(self._model, STATE))
         mujoco.mj_getState(self._model, self._data, state, STATE)
         with silent():
@@ -253,7 +253,10 @@ class MujocoScene(ArmsScene):
             one, other = (self._parts[int(geom)] for geom in contact.geom)
             place, friction = contact.pos.copy(), force[1:3] @ frame[1:]
             order = "arm floor object"
-            contacts.append(contact_of(one, other, place, 1.0 * frame[0], float(force[0]), friction, order))
+            apart = float(contact.dist)
+            contacts.append(
+                ordered_contact(one, other, place, 1.0 * frame[0], float(force[0]), friction, order, apart)
+            )
         return tuple(contacts)
 
 
@@ -273,7 +276,7 @@ def _is_near(geoms, rows, bodies, n_objects):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _speeds(rates, reaches, extents):  # type: ignore[no-untyped-def]
-    """Bounds of the speed of any point of carriage and arms, and of the objects."""
+    """Return bounds of the speed of any point of carriage and arms, and of the objects."""
     arms, objects = 0.0, 0.0
     n = len(reaches)
     for k in range(n):
@@ -286,7 +289,7 @@ def _speeds(rates, reaches, extents):  # type: ignore[no-untyped-def]
 
 
 def _reaches(chain: ChainModel) -> Array:
-    """(n·a,) how fast a point beyond each joint moves at most at a rate of 1; links as long as at rest."""
+    """Return (n·a,) largest speeds of a point beyond each joint at a rate of 1; links as long as at rest."""
     n, along = chain.n_joints, np.array(travels(chain.laws[0].joint, chain.axes))
     links = np.array([np.linalg.norm(joint.offset_m) for joint in chain.joints[1:]] + [0.0])
     own = [float(np.linalg.norm(chain.tip_offset_m)) if i == n - 1 else 0.0 for i in range(n)]
@@ -301,7 +304,7 @@ def _reaches(chain: ChainModel) -> Array:
 
 
 def _extent(shapes: Sequence[Shape]) -> float:
-    """Farthest distance of any point of the shapes from the origin of their body, or a little more."""
+    """Return farthest distance of any point of the shapes from the origin of their body, or a little more."""
     found = [0.0]
     for shape in shapes:
         if shape.mesh is not None:
@@ -313,7 +316,7 @@ def _extent(shapes: Sequence[Shape]) -> float:
 
 
 def _joined(joints: Sequence[ChainJoints]) -> Any:
-    """Laws of all arms in a row; None where one has none or has terms, or actuators differ."""
+    """Join the laws of all arms; None if one has none or has terms, or actuators differ."""
     each = [arm.laws if arm.rested() is None else None for arm in joints]
     known = [laws for laws in each if laws is not None]
     if not known or len(known) < len(each) or any(not np.array_equal(k[3], known[0][3]) for k in known):

@@ -43,8 +43,8 @@ class Samples(NamedTuple):
     duration: Array
 
     @staticmethod
-    def of(chain: ChainModel, history: History) -> Samples:
-        """Those of a history with times, as they are: inputs hold from the sample before."""
+    def from_history(chain: ChainModel, history: History) -> Samples:
+        """Take the samples of a history with times unchanged: inputs are constant from the preceding sample."""
         assert history.time_s is not None
         return Samples(
             np.stack([history.actuation[a.input] for a in chain.actuators], axis=1).astype(float),
@@ -79,7 +79,7 @@ class MujocoSimulation(DynamicSimulation):
         model: mujoco.MjModel | None = None,
         prefix: str = "",
     ) -> None:
-        """`model` has the chain in it, its names with the prefix; by default the chain alone."""
+        """Build the simulation; `model` contains the chain, its names with the prefix, by default the chain alone."""
         statics = ChainStatics(chain)
         self._config = config
         self.model = mujoco.MjModel.from_xml_string(chain_mjcf(chain)) if model is None else model
@@ -95,25 +95,26 @@ class MujocoSimulation(DynamicSimulation):
         self._relaxing = ExitStack()
 
     def begin_relaxing(self) -> None:
-        """Pseudo-time of the settle step, without physical damping.
+        """Begin pseudo-time: the settle step, without physical damping.
 
-        What MuJoCo says of bold moves is not passed on: they are undone, and the end is judged by the statics.
+        MuJoCo's warnings on large moves are not passed on: such moves are undone, and the end is checked by the
+        statics.
         """
         self.model.opt.timestep = self._config.settle_timestep_s
         self._relaxing.enter_context(silent())
 
     def end_relaxing(self) -> None:
-        """`step` sets its own step."""
+        """Do nothing: `step` sets its own step."""
         unstable(self.data)
         self._relaxing.close()
 
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
-        """One pseudo-time step (`pliant.mechanics.relaxation`): the loads' stiffness is made implicit too."""
+        """Make one pseudo-time step (`pliant.mechanics.relaxation`): the loads' stiffness is implicit too."""
         self._drive(loads, 0.0, load_stiffness, caution)
         mujoco.mj_step(self.model, self.data)
 
     def step(self, duration_s: float) -> None:
-        """Equal steps no longer than the config's; a motion that MuJoCo calls unstable is a RuntimeWarning."""
+        """Make equal steps no longer than the config's; unstable motion is a RuntimeWarning."""
         if duration_s > 0.0:
             self._memory = self._march(duration_s)
             self._complain(f"within the last {duration_s:g} s")
@@ -142,7 +143,7 @@ class MujocoSimulation(DynamicSimulation):
         return self.joints.markers()
 
     def roll(self, history: History) -> Rollout | None:
-        """Through a history from where the chain is; None where that takes single steps in Python.
+        """Simulate a history from the present state; None if that takes single steps in Python.
 
         Raises:
             UserError: an input that is missing or not a number.
@@ -150,17 +151,17 @@ class MujocoSimulation(DynamicSimulation):
         if self.addresses is None or history.time_s is None:
             return None
         check_driven(self.chain, [history])
-        q, markers, _ = self._run(Samples.of(self.chain, history), places=True)
+        q, markers, _ = self._run(Samples.from_history(self.chain, history), places=True)
         self._complain(f"within run '{history.run}'")
         actuation = np.stack([history.actuation[name] for name in history.actuation], axis=1)
         return Rollout(history.time_s, actuation, q, markers)
 
     def through(self, history: History, longest_step_s: float) -> tuple[Array, NDArray[np.bool_]]:
-        """`sample_by_sample`, in one compiled call where that is possible."""
+        """Simulate as `sample_by_sample`, in one compiled call if possible."""
         if history.time_s is None or self.addresses is None:
             return sample_by_sample(self, history, longest_step_s)
         q, reached = sample_by_sample(self, history, longest_step_s, last=1)
-        samples = Samples.of(self.chain, history)
+        samples = Samples.from_history(self.chain, history)
         parts = n_parts(samples.duration, longest_step_s)
         start = self.snapshot()
         samples = Samples(*(column[1:] for column in samples.in_parts(parts)))
@@ -178,7 +179,7 @@ class MujocoSimulation(DynamicSimulation):
         return np.concatenate([q, later]), np.concatenate([reached, known])
 
     def _drive(self, loads: Loads, *how: Any) -> None:
-        """Forces for the next step, see `ChainJoints.drive`."""
+        """Apply forces for the next step, see `ChainJoints.drive`."""
         self.joints.drive(loads, *how)
 
     def _march(self, duration_s: float) -> TermMemory:
@@ -190,7 +191,7 @@ class MujocoSimulation(DynamicSimulation):
             columns = (values, loads.moment_n_m, loads.tip_force_n, temperature, duration_s)
             return self._run(Samples(*(np.array([column]) for column in columns)))[2]
         n_steps = max(1, math.ceil(duration_s / config.timestep_s - 1e-9))
-        step_s = self.model.opt.timestep = _step_of(duration_s, n_steps)
+        step_s = self.model.opt.timestep = _rounded_step(duration_s, n_steps)
         # Resistance in proportion to mass is the same decay for every velocity.
         kept = math.exp(-config.drag_1_s * step_s)
         with silent():
@@ -204,9 +205,9 @@ class MujocoSimulation(DynamicSimulation):
         return self._memory if loads.memory is None else loads.memory.over(math.inf)
 
     def _run(self, samples: Samples, places: bool = False) -> tuple[Array, Array, TermMemory]:
-        """Coordinates (t, n, a), places of base, joints and tip (t, n + 2, 3) or (0, …), the memory at the end.
+        """Return coordinates (t, n, a), positions of base, joints, tip (t, n + 2, 3) or (0, …), and the final memory.
 
-        The caller asks `unstable`.
+        The caller checks `unstable`.
         """
         assert self.addresses is not None
         joints, config = self.joints, self._config
@@ -215,7 +216,7 @@ class MujocoSimulation(DynamicSimulation):
         before, states = joints.q, self._memory.states.copy()
         durations, number = np.unique(samples.duration, return_inverse=True)
         parts = np.maximum(np.ceil(durations / config.timestep_s - 1e-9), durations > 0.0).astype(np.int64)
-        each = [_step_of(d, n) for d, n in zip(durations.tolist(), parts.tolist(), strict=True)]
+        each = [_rounded_step(d, n) for d, n in zip(durations.tolist(), parts.tolist(), strict=True)]
         counts, steps = parts[number], np.array(each)[number]
         ends = [0, *(np.flatnonzero(np.diff(steps)) + 1).tolist(), len(steps)]
         compiled = (self.addresses, joints.laws, joints.terms, joints.layout, views)
@@ -231,20 +232,20 @@ class MujocoSimulation(DynamicSimulation):
         return q, seen, TermMemory(before, states, temperature_c=float(samples.temperature[-1]))
 
     def _complain(self, where: str) -> None:
-        """A RuntimeWarning where the motion has become unbounded since the last call."""
+        """Issue a RuntimeWarning if the motion has become unbounded since the last call."""
         bad = unstable(self.data)
         if bad is not None:
             warnings.warn(f"mujoco: the motion is unstable ({bad}) {where}", RuntimeWarning, stacklevel=3)
 
 
-def _step_of(duration_s: float, count: int) -> float:
-    """The step that divides a duration, without the rounding of clocks: equal durations get equal steps."""
+def _rounded_step(duration_s: float, count: int) -> float:
+    """Return the step that divides a duration, rounded so that equal durations get equal steps."""
     return float(f"{duration_s / count:.12g}") if count else 0.0
 
 
 @cache
 def _functions() -> tuple[int, int] | None:
-    """Addresses of mj_step and mj_kinematics in the library that the package has loaded; None if it is not found."""
+    """Return addresses of mj_step and mj_kinematics in the loaded library; None if it is not found."""
     folder = Path(mujoco.__file__).parent
     for path in sorted([*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")]):
         try:

@@ -1,4 +1,4 @@
-"""MuJoCo's warnings: heard instead of printed, and told by the data that they concern."""
+"""MuJoCo's warnings: captured instead of printed, and read from the data that they concern."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import mujoco
 
-# What a bad position, velocity or acceleration is called; other warnings do not stop a motion.
+# Names of a bad position, velocity or acceleration; other warnings do not stop a motion.
 UNSTABLE = {
     mujoco.mjtWarning.mjWARN_BADQPOS: "position",
     mujoco.mjtWarning.mjWARN_BADQVEL: "velocity",
@@ -21,7 +21,7 @@ _listeners: list[Any] = []
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """MuJoCo prints nothing and writes no MUJOCO_LOG.TXT meanwhile; threads may be inside together.
+    """Suppress MuJoCo's output and MUJOCO_LOG.TXT inside the block; several threads may enter.
 
     Its handler is one for the whole process: the first to enter puts a silent one in its place, the last to
     leave puts it back.
@@ -43,7 +43,7 @@ def silent() -> Iterator[None]:
 
 
 def unstable(data: mujoco.MjData) -> str | None:
-    """Which quantity has become unbounded since the last call, or None."""
+    """Return the name of the quantity that has become unbounded since the last call, or None."""
     if not any(data.warning.number):
         return None
     found = next((name for kind, name in UNSTABLE.items() if data.warning[kind].number), None)

@@ -14,10 +14,10 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import (
-    quaternion_of_vector,
+    quaternion_from_vector,
     right_jacobian,
     right_jacobian_inverse,
-    vector_of_quaternion,
+    vector_from_quaternion,
 )
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
@@ -42,7 +42,7 @@ class WorldScale:
         self.length, self.mass, self.force, self.torque = length, length**3, length**4, length**5
 
     def chain(self, chain: ChainModel) -> ChainModel:
-        """The chain as the engine sees it; its laws are not scaled, because efforts are evaluated outside."""
+        """Return the chain for the engine; its laws are not scaled, because efforts are evaluated outside."""
         return chain.with_(
             joints=tuple(replace(j, offset_m=self.length * np.asarray(j.offset_m)) for j in chain.joints),
             bodies=tuple(self.piece(body) for body in chain.bodies),
@@ -54,7 +54,7 @@ class WorldScale:
         )
 
     def piece(self, piece: MassProperties) -> MassProperties:
-        """A rigid piece as the engine sees it."""
+        """Return a rigid piece for the engine."""
         return MassProperties(
             self.mass * piece.mass_kg,
             self.length * np.asarray(piece.com_m),
@@ -62,7 +62,7 @@ class WorldScale:
         )
 
     def shape(self, shape: Shape) -> Shape:
-        """A collision shape as the engine sees it."""
+        """Return a collision shape for the engine."""
         mesh = shape.mesh
         return replace(
             shape,
@@ -92,7 +92,7 @@ class BulletArm:
     def __init__(self, client: Client, body: int, chain: ChainModel, scale: WorldScale | None = None) -> None:
         """Take hold of a loaded `chain_tree` of exactly this `chain`, which is in the engine's scale."""
         self._client, self.body = client, body
-        self._geometry = ChainGeometry.of(chain)
+        self._geometry = ChainGeometry.from_chain(chain)
         self.ball = self._geometry.kind == "spherical"
         self.joints = list(range(chain.n_joints))
         self.tip = chain.n_joints
@@ -120,13 +120,13 @@ class BulletArm:
         return self.state()[1]
 
     def state(self) -> tuple[Array, Array]:
-        """Joint coordinates and their rates, both (n, a), read at once."""
+        """Return joint coordinates and their rates, both (n, a), read at once."""
         states = self._client.getJointStatesMultiDof(self.body, self.joints)
         positions = np.array([state[0] for state in states], float)
         velocity = np.array([state[1] for state in states], float)
         if not self.ball:
             return positions / self._coordinate, velocity / self._coordinate
-        phi = times(self._principal, vector_of_quaternion(np.roll(positions, 1, axis=1)))
+        phi = times(self._principal, vector_from_quaternion(np.roll(positions, 1, axis=1)))
         phi_rates = times(right_jacobian_inverse(phi), times(self._principal, velocity))
         return phi @ self._geometry.basis, phi_rates @ self._geometry.basis
 
@@ -134,14 +134,14 @@ class BulletArm:
         """Set joint coordinates and their rates."""
         if self.ball:
             phi, phi_rates = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            positions = np.roll(quaternion_of_vector(times(self.to_principal, phi)), -1, axis=1)
+            positions = np.roll(quaternion_from_vector(times(self.to_principal, phi)), -1, axis=1)
             rates = times(self.to_principal, times(right_jacobian(phi), phi_rates))
         else:
             positions, rates = self._coordinate * q, self._coordinate * rates
         self._client.resetJointStatesMultiDof(self.body, self.joints, positions.tolist(), rates.tolist())
 
     def drive(self, effort: Array, q: Array) -> None:
-        """Efforts (n, a) conjugate to the coordinates q (n, a) during the next step."""
+        """Apply efforts (n, a) conjugate to the coordinates q (n, a) during the next step."""
         if self.ball:
             inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
             effort = times(inverse.transpose(0, 2, 1), self._geometry.rotation_vectors(effort))
@@ -149,14 +149,14 @@ class BulletArm:
         self.drive_torques(self._effort * effort)
 
     def drive_torques(self, torques: Array) -> None:
-        """Torques (n, 1) or (n, 3) as Bullet takes them, during the next step."""
+        """Apply torques (n, 1) or (n, 3) in Bullet's format during the next step."""
         control = self._client.TORQUE_CONTROL
         self._client.setJointMotorControlMultiDofArray(
             self.body, self.joints, control, forces=torques.tolist()
         )
 
     def pull(self, link: int, force_n: Array, point_m: Array) -> None:
-        """A world force at a world point of a link (−1: the base) during the next step."""
+        """Apply a world force at a world point of a link (−1: the base) during the next step."""
         force = (self._scale.force * np.asarray(force_n, float)).tolist()
         point = (self._scale.length * np.asarray(point_m, float)).tolist()
         self._client.applyExternalForce(self.body, link, force, point, self._client.WORLD_FRAME)
@@ -164,7 +164,7 @@ class BulletArm:
     def pull_loads(
         self, statics: ChainStatics, loads: Loads, q: Array, carriage: Array | None = None
     ) -> None:
-        """Tip force, point forces and cords during the next step, from a base moved by the carriage (3,)."""
+        """Apply tip force, point forces and cords in the next step, from a base moved by the carriage (3,)."""
         if loads.tip_force_n.any():
             self.pull(self.tip, loads.tip_force_n, self.moving_markers()[-1])
         if loads.forces or loads.cords:
@@ -176,16 +176,17 @@ class BulletArm:
                     self.pull(acting.body - 1, acting.force_n, acting.point_m)
 
     def moving_markers(self) -> Array:
-        """(n + 1, 3) joints and tip from Bullet's own kinematics."""
+        """Return (n + 1, 3) joints and tip from Bullet's own kinematics."""
         links = [*self.joints, self.tip]
         states = self._client.getLinkStates(self.body, links, computeForwardKinematics=1)
         # Entries 4 and 5 are the link's own frame; 0 and 1 would be its centre of mass.
         return np.array([state[4] for state in states], float) / self._scale.length
 
     def hold(self, force: float) -> None:
-        """Motors on every axis toward rest with at most this force: 0 frees the joints, more is friction.
+        """Set motors on every axis toward rest with at most this force: 0 frees the joints, a positive force acts as
+        friction.
 
-        Bullet gives every joint a motor of its own accord.
+        Bullet creates a motor on every joint by default.
         """
         client = self._client
         for joint in self.joints:
@@ -205,5 +206,5 @@ class BulletArm:
 
 
 def times(matrices: Array, vectors: Array) -> Array:
-    """(n, 3) products of n matrices and n vectors."""
+    """Return (n, 3) products of n matrices and n vectors."""
     return np.asarray(np.einsum("nij,nj->ni", matrices, vectors))

@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import Capabilities, PhysicsBackend, SceneSimulation
+from pliant.interfaces.physics import Capabilities, PhysicsBackend
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.mechanics.inertia import longest_explicit_step, mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
@@ -32,7 +33,7 @@ class BulletSimulation(DynamicSimulation):
     """One client with one fixed multibody.
 
     Raises:
-        UserError: the chain has more joints than Bullet's state holds.
+        UserError: the chain has more joints than Bullet's state can store.
     """
 
     def __init__(self, chain: ChainModel, config: PybulletConfig) -> None:
@@ -71,13 +72,13 @@ class BulletSimulation(DynamicSimulation):
             self._advance(loads, q, rates, damping)
 
     def _advance(self, loads: Loads, q: Array, rates: Array, damping: float) -> None:
-        """One step of the present timestep with the efforts at q, which are the present coordinates."""
+        """Make one step of the present timestep with the efforts at q, the present coordinates."""
         self.arm.drive(self.statics.effort(q, loads) - damping * rates, q)
         self.arm.pull_loads(self.statics, loads, q)
         self.client.stepSimulation()
 
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
-        """One pseudo-time step (`pliant.mechanics.relaxation`) against inertia scaled to the stiffness.
+        """Make one pseudo-time step (`pliant.mechanics.relaxation`) against inertia scaled to the stiffness.
 
         Statics does not depend on moments of inertia, so they are free; prismatic joints move mass, which is
         not free because it weighs, and take a shorter step instead.
@@ -97,7 +98,7 @@ class BulletSimulation(DynamicSimulation):
         self._advance(loads, q, np.zeros_like(q), 0.0)
 
     def begin_relaxing(self) -> None:
-        """Pseudo-time: the settle step, and inertia that the first step will choose."""
+        """Begin pseudo-time: the settle step, and inertia that the first step chooses."""
         self._relaxing_inertia = np.zeros(len(self.arm.joints))
         self.client.setTimeStep(self._config.settle_timestep_s)
 
@@ -127,7 +128,7 @@ class PublishedSimulation(BulletSimulation):
     `settle` is the common relaxation, for which motors and damping are taken away.
 
     Raises:
-        UserError: the chain has effects, which the formulation does not know.
+        UserError: the chain has effects, which the formulation does not support.
     """
 
     def __init__(self, chain: ChainModel, config: PybulletConfig) -> None:
@@ -159,13 +160,13 @@ class PublishedSimulation(BulletSimulation):
         super().begin_relaxing()
 
     def _joint_by_joint(self, loads: Loads, q: Array) -> Array:
-        """(n, a) efforts by one call of a law per joint, axis and actuator."""
+        """Return (n, a) efforts by one call of a law per joint, axis and actuator."""
         n, a = q.shape
         tau = np.zeros((n, a))
         for i in range(n):
             joint = self.chain.joints[i]
             law = self.chain.laws[joint.law]
-            actuators = self.chain.actuators[slice(*self.chain.drives_of(joint))]
+            actuators = self.chain.actuators[slice(*self.chain.actuator_range(joint))]
             if len(law.actuations) > 1:
                 values = np.array([[loads.actuation[actuator.input] for actuator in actuators]])
                 for axis in range(a):
@@ -188,10 +189,18 @@ class PublishedSimulation(BulletSimulation):
 class Pybullet(PhysicsBackend):
     """PyBullet (Bullet's articulated bodies) with explicit torques of the laws."""
 
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"), dynamic=True, contacts=True, export="urdf"
-    )
+    capabilities: ClassVar[Capabilities] = Capabilities(("revolute", "spherical", "prismatic"), dynamic=True)
+    export_format: ClassVar[str] = "urdf"
     config: PybulletConfig
+
+    def effort_tolerance(self) -> float:
+        """Return the config's."""
+        return self.config.tolerance
+
+    def added_damping(self) -> str:
+        """Return the joint damping, where it is not 0."""
+        damping = self.config.joint_damping
+        return f"joint_damping {damping:g} N·m·s/rad" if damping else ""
 
     def build(self, chain: ChainModel) -> BulletSimulation:
         kind = PublishedSimulation if self.config.preset == "published" else BulletSimulation

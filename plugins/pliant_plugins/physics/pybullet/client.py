@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import MissingDependencyError
-from pliant.mechanics.rotations import quaternion_of_matrix
+from pliant.mechanics.rotations import quaternion_from_matrix
 from pliant.records.design import Array
 
 LAST_PYTHON = (3, 11)
 
 
 def load_pybullet() -> ModuleType:
-    """The pybullet module.
+    """Import the pybullet module.
 
     Raises:
         MissingDependencyError: it is not installed.
@@ -43,7 +43,7 @@ def load_pybullet() -> ModuleType:
 
 @contextmanager
 def _silent_standard_error() -> Iterator[None]:
-    """PyBullet prints its build time from C when imported, in the middle of the progress bars."""
+    """Suppress the build time that PyBullet prints from C on import."""
     sys.stderr.flush()
     saved = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -75,7 +75,7 @@ class Client:
         return value
 
     def set_dynamics(self, body: int, links: Iterable[int], **settings: float) -> None:
-        """Properties of links, one per call: some combinations in one call are lost."""
+        """Set properties of links, one per call: some combinations in one call are lost."""
         for link in links:
             for name, value in settings.items():
                 self.changeDynamics(body, link, **{name: value})
@@ -87,7 +87,7 @@ class Client:
             self.number = -1
 
     def load(self, path: Path, urdf: str, place: Array, rotation: Array, fixed: bool) -> int:
-        """A URDF document, written to the path, as a body at this pose."""
+        """Load a URDF document, written to the path, as a body at this pose."""
         path.write_text(urdf, encoding="utf-8")
         body: int = self.loadURDF(
             str(path),
@@ -100,6 +100,6 @@ class Client:
 
 
 def quaternion(rotation: Array) -> list[float]:
-    """x, y, z, w of a rotation matrix."""
-    numbers: list[float] = np.roll(quaternion_of_matrix(rotation), -1).tolist()
+    """Return x, y, z, w of a rotation matrix."""
+    numbers: list[float] = np.roll(quaternion_from_matrix(rotation), -1).tolist()
     return numbers

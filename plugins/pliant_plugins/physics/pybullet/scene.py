@@ -17,13 +17,13 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.mechanics.inertia import longest_explicit_step, mass_matrix
 from pliant.mechanics.kinematics import ChainGeometry
-from pliant.mechanics.rotations import matrix_of_quaternion
+from pliant.mechanics.rotations import matrix_from_quaternion
 from pliant.records.design import Array, MassProperties
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
 from pliant_plugins.physics.compiled.efforts import efforts
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.dynamic import ArmsScene, contact_of
+from pliant_plugins.physics.dynamic import ArmsScene, ordered_contact
 from pliant_plugins.physics.pybullet.arm import UNLIMITED_VELOCITY, BulletArm, WorldScale, check_size
 from pliant_plugins.physics.pybullet.client import Client, quaternion
 from pliant_plugins.physics.pybullet.config import PybulletConfig
@@ -65,12 +65,12 @@ class BulletScene(ArmsScene):
                 "fingers that touch each other need physics 'mujoco'; take it, or leave 'finger_contact' out."
             )
         for arm in scene.arms:
-            check_size(ChainGeometry.of(arm.chain))
+            check_size(ChainGeometry.from_chain(arm.chain))
         super().__init__(
             scene, [floored(arm.chain.with_(gravity_m_s2=scene.gravity_m_s2)) for arm in scene.arms]
         )
         self._config = config
-        self._laws = [None if chain.terms else CompiledLaws.of(chain) for chain in self._chains]
+        self._laws = [None if chain.terms else CompiledLaws.from_chain(chain) for chain in self._chains]
         self._take()
         self._carriage = np.zeros(3)
         self._pushes: dict[int, tuple[list[float], list[float]]] = {}
@@ -96,7 +96,7 @@ class BulletScene(ArmsScene):
         self._take()
 
     def _take(self) -> None:
-        """What the steps need of the loads: values of the actuators, and whether anything pulls at an arm."""
+        """Store the loads for the steps: values of the actuators, and whether any external force acts on an arm."""
         pairs = zip(self._statics, self._loads, strict=True)
         self._values = [statics.efforts.values(loads.actuation) for statics, loads in pairs]
         self._pulled = [bool(x.tip_force_n.any() or x.forces or x.cords) for x in self._loads]
@@ -135,7 +135,7 @@ class BulletScene(ArmsScene):
             self._world(state.private["bullet"])
             self._stable_s, self._stable_until = state.private["stable_step"].tolist()
             return
-        # A state of another engine: Bullet's contact points and their impulses begin anew.
+        # A state of another engine: Bullet's contact points and their impulses start from zero.
         self._stable_until = -math.inf
         for arm, chain in zip(self.arms, self._chains, strict=True):
             place = self.scale.length * (np.asarray(chain.base_position_m, float) + self._carriage)
@@ -171,7 +171,8 @@ class BulletScene(ArmsScene):
             middle = 0.5 * (np.asarray(on_a, float) + np.asarray(on_b, float)) / self.scale.length
             normal, force = -1.0 * np.asarray(normal_on_b, float), -1.0 * on_one / self.scale.force
             press_n, order = press / self.scale.force, "arm object floor"
-            contacts.append(contact_of(one, other, middle, normal, press_n, force, order))
+            apart = distance / self.scale.length
+            contacts.append(ordered_contact(one, other, middle, normal, press_n, force, order, apart))
         return tuple(contacts)
 
     def _part(self, body: int, link: int) -> Part:
@@ -203,7 +204,7 @@ class BulletScene(ArmsScene):
             self.client.resetBaseVelocity(arm.body, velocity, [0.0, 0.0, 0.0])
 
     def _drive(self, carriage: Array) -> None:
-        """Torques and forces of the next step."""
+        """Apply torques and forces of the next step."""
         states = [arm.state() for arm in self.arms]
         for k, (arm, (q, rates)) in enumerate(zip(self.arms, states, strict=True)):
             loads, effort = self._loads[k], self._effort(k, q)
@@ -219,7 +220,7 @@ class BulletScene(ArmsScene):
             self.client.applyExternalTorque(body, -1, moment, frame)
 
     def _effort(self, k: int, q: Array) -> Array:
-        """(n, a) efforts of an arm's laws, without end moment."""
+        """Return (n, a) efforts of an arm's laws, without end moment."""
         laws, values, (n, a) = self._laws[k], self._values[k], q.shape
         if laws is None:
             return self._statics[k].efforts.evaluate(q, self._loads[k].actuation).tau
@@ -228,7 +229,7 @@ class BulletScene(ArmsScene):
         return tau
 
     def _stable_step(self) -> float:
-        """Longest step at which explicit efforts and damping of every arm are stable from the present state."""
+        """Return longest step at which explicit efforts and damping of every arm are stable from the present state."""
         longest = math.inf
         arms = zip(self._chains, self.arms, self._statics, self._loads, strict=True)
         for chain, arm, statics, loads in arms:
@@ -253,14 +254,14 @@ class BulletScene(ArmsScene):
                 complain(f"object '{one.name}'", "or place it without overlap")
 
     def _object_states(self) -> tuple[Array, Array, Array]:
-        """positions_m (k, 3), rotations (k, 3, 3) and velocities (k, 6) of the objects' own frames."""
+        """Return positions_m (k, 3), rotations (k, 3, 3) and velocities (k, 6) of the objects' frames."""
         count = len(self.objects)
         positions, rotations = np.empty((count, 3)), np.empty((count, 3, 3))
         velocities = np.empty((count, 6))
         for k, one in enumerate(self.objects):
             centre, turned = self.client.getBasePositionAndOrientation(one.body)
             linear, angular = self.client.getBaseVelocity(one.body)
-            rotations[k] = matrix_of_quaternion(np.roll(turned, 1)) @ one.axes.T
+            rotations[k] = matrix_from_quaternion(np.roll(turned, 1)) @ one.axes.T
             offset = rotations[k] @ one.mass.com_m
             positions[k] = np.asarray(centre) / self.scale.length - offset
             velocities[k, :3] = np.asarray(linear) / self.scale.length - np.cross(angular, offset)
@@ -268,7 +269,7 @@ class BulletScene(ArmsScene):
         return positions, rotations, velocities
 
     def _world(self, state: Array | None = None) -> Array:
-        """Bullet's whole world, contact points with their impulses among it, as bytes; set first where given."""
+        """Return Bullet's world, with contact points and impulses, as bytes; set it first if given."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "world.bullet"
             if state is not None:
@@ -332,7 +333,7 @@ class BulletScene(ArmsScene):
     def _add(
         self, body: int, part: Part, links: Iterable[int], friction: float, group: int, mask: int
     ) -> None:
-        """Friction and what collides with what. Bullet multiplies coefficients, as the scene's rule has it."""
+        """Set friction and collision pairs. Bullet multiplies coefficients, as the scene's rule does."""
         self._parts[body] = part
         none = {"rollingFriction": 0.0, "spinningFriction": 0.0, "restitution": 0.0}
         for link in links:

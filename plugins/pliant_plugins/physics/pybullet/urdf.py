@@ -1,6 +1,6 @@
 """URDF of chains and free bodies: one link per body, inertias on their principal axes, collision shapes on request.
 
-Primitives collide as they are, ellipsoids and meshes as convex hulls in files beside the document."""
+Primitives collide exactly, ellipsoids and meshes as convex hulls in separate files."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from pliant.records.shape import Shape
 
 
 def add_origin(element: ElementTree.Element, position: Array, rotation: Array) -> None:
-    """An `origin` with a position and fixed-axis angles."""
+    """Add an `origin` with a position and fixed-axis angles."""
     ElementTree.SubElement(element, "origin", xyz=text(position), rpy=text(roll_pitch_yaw(rotation)))
 
 
 def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
-    """Angles with R = Rz(yaw) Ry(pitch) Rx(roll), accurate also at a pitch of ±90°."""
+    """Return angles with R = Rz(yaw) Ry(pitch) Rx(roll), accurate also at a pitch of ±90°."""
     R = np.asarray(rotation, float)
     yaw = atan2(R[1, 0], R[0, 0])
     pitch = atan2(-R[2, 0], hypot(R[0, 0], R[1, 0]))
@@ -37,7 +37,7 @@ def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
 
 
 def text(values: Iterable[float]) -> str:
-    """Numbers as an attribute, without loss."""
+    """Return numbers as an attribute, without loss."""
     return " ".join(repr(float(value)) for value in values)
 
 
@@ -47,7 +47,7 @@ GOLDEN_ANGLE_RAD = np.pi * (3.0 - np.sqrt(5.0))
 
 
 class CollisionWriter:
-    """Adds shapes to links; hulls go to OBJ files in `folder`, which is made when the first comes.
+    """A writer of shapes to links; hulls are OBJ files in `folder`, which is created for the first one.
 
     File names are absolute, or relative to `start`.
     """
@@ -57,7 +57,7 @@ class CollisionWriter:
         self.written: list[Path] = []
 
     def add(self, link: ElementTree.Element, shapes: Iterable[Shape]) -> None:
-        """One `collision` element per shape.
+        """Add one `collision` element per shape.
 
         Raises:
             UserError: a mesh without volume has no convex hull.
@@ -78,7 +78,7 @@ class CollisionWriter:
 
 
 def add_primitive(geometry: ElementTree.Element, shape: Shape) -> bool:
-    """The shape as URDF has it; False, and nothing, for ellipsoids and meshes."""
+    """Add the shape as URDF; return False, without adding it, for ellipsoids and meshes."""
     if shape.kind == "box":
         ElementTree.SubElement(geometry, "box", size=text(2.0 * np.asarray(shape.size_m)))
     elif shape.kind == "sphere":
@@ -92,7 +92,7 @@ def add_primitive(geometry: ElementTree.Element, shape: Shape) -> bool:
 
 
 def hull_points(shape: Shape) -> Array:
-    """(v, 3) points whose convex hull stands for an ellipsoid or a mesh, in the shape's own frame."""
+    """Return points (v, 3) whose convex hull represents an ellipsoid or a mesh, in the shape's frame."""
     if shape.kind == "ellipsoid":
         return np.asarray(shape.size_m) * _sphere_points(ELLIPSOID_POINTS)
     if shape.mesh is None:
@@ -101,7 +101,7 @@ def hull_points(shape: Shape) -> Array:
 
 
 def write_hull(path: Path, points: Array) -> None:
-    """The convex hull of points (v, 3) as an OBJ file.
+    """Write the convex hull of points (v, 3) as an OBJ file.
 
     Raises:
         UserError: the points lie in a plane.
@@ -124,12 +124,12 @@ def write_hull(path: Path, points: Array) -> None:
 
 
 def _sphere_points(count: int) -> Array:
-    """(count, 3) nearly even points of the unit sphere (Fibonacci lattice), lifted to the sphere's mean radius."""
+    """Return (count, 3) nearly even points of a sphere (Fibonacci lattice), scaled to the mean radius."""
     height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     around = GOLDEN_ANGLE_RAD * np.arange(count)
     across = np.sqrt(1.0 - height**2)
     points = np.stack([across * np.cos(around), across * np.sin(around), height], axis=1)
-    # The hull of points on a sphere lies inside it: half the sag of a facet is given back.
+    # The hull of points on a sphere is inside it: half the sag of a facet is compensated.
     sag = 2.0 * np.pi / (3.0 * np.sqrt(3.0) * count) * 2.0
     return np.asarray(points * (1.0 + 0.5 * sag))
 
@@ -144,15 +144,15 @@ INERTIA_FLOOR_KG_M2 = 1e-9
 def chain_tree(
     chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
 ) -> ElementTree.Element:
-    """A chain's links and joints, with bodies as they are (`floored` makes them fit for Bullet).
+    """Return a chain's links and joints, with bodies unchanged (`floored` makes them fit for Bullet).
 
     Link names: base, body_1…n, tip (fixed to the last body, carries the payload).
 
     Args:
-        base: what the base link weighs; nothing by default, for a base that is fixed.
-        collisions: writes the chain's shapes; without it nothing collides.
+        base: mass of the base link; zero by default, for a fixed base.
+        collisions: writes the chain's shapes; None for no collisions.
     """
-    geometry = ChainGeometry.of(chain)
+    geometry = ChainGeometry.from_chain(chain)
     shapes = chain.shapes if collisions is not None and chain.shapes else ((),) * (chain.n_joints + 1)
     root = ElementTree.Element("robot", name="chain")
     add_link(root, "base", base or MassProperties.none(), shapes[0], collisions)
@@ -177,31 +177,31 @@ def chain_tree(
 
 
 def body_urdf(piece: MassProperties, shapes: Iterable[Shape], collisions: CollisionWriter) -> str:
-    """The URDF document of one free body."""
+    """Return the URDF document of one free body."""
     root = ElementTree.Element("robot", name="object")
     add_link(root, "object", piece, shapes, collisions)
     return document(root)
 
 
 def document(root: ElementTree.Element) -> str:
-    """The XML tree as indented text, which Bullet's parser needs."""
+    """Return the XML tree as indented text, which Bullet's parser needs."""
     # Bullet's parser refuses long lines.
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
 
 
 def floored(chain: ChainModel) -> ChainModel:
-    """The chain with bodies that Bullet can move."""
+    """Return the chain with bodies that Bullet can move."""
     return chain.with_(bodies=tuple(moving(body) for body in chain.bodies))
 
 
 def moving(piece: MassProperties) -> MassProperties:
-    """A piece with Bullet's floors."""
+    """Return a piece with Bullet's floors."""
     return regular(piece, MASS_FLOOR_KG, INERTIA_FLOOR_KG_M2)
 
 
 def principal(piece: MassProperties) -> tuple[Array, Array]:
-    """Principal moments (3,) and right-handed principal axes (3, 3) as columns; Bullet's link frame."""
+    """Return principal moments (3,) and right-handed principal axes (3, 3) as columns; Bullet's link frame."""
     moments, axes = np.linalg.eigh(piece.inertia_kg_m2)
     if np.linalg.det(axes) < 0.0:
         axes[:, 0] *= -1.0
@@ -215,7 +215,7 @@ def add_link(
     shapes: Iterable[Shape] = (),
     collisions: CollisionWriter | None = None,
 ) -> ElementTree.Element:
-    """A link with the piece's inertia on its principal axes, and shapes."""
+    """Return a link with the piece's inertia on its principal axes, and shapes."""
     link = ElementTree.SubElement(root, "link", name=name)
     inertial = ElementTree.SubElement(link, "inertial")
     moments, axes = principal(piece)
@@ -231,7 +231,7 @@ def add_link(
 def add_joint(
     root: ElementTree.Element, name: str, kind: str, parent: str, child: str
 ) -> ElementTree.Element:
-    """A joint between two links."""
+    """Return a joint between two links."""
     joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)

@@ -15,13 +15,22 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import Capabilities, Case, PhysicsBackend, SimulationState, Variation
+from pliant.interfaces.physics import (
+    Capabilities,
+    Case,
+    PhysicsBackend,
+    Run,
+    Variation,
+    roll_each,
+    settle_each,
+)
+from pliant.interfaces.simulation import SimulationState
 from pliant.mechanics.efforts import actuation_values
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Sensitivity
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Rollout, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.newton import (
     ChainSolution,
@@ -74,7 +83,7 @@ class QuasistaticSimulation(Steppable):
 
     def apply(self, inputs: Inputs) -> None:
         actuation_values(self.chain.actuators, inputs.actuation)
-        self._loads = Loads.of(self.chain, inputs)
+        self._loads = Loads.from_inputs(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
         return self._reach(math.inf)
@@ -88,7 +97,7 @@ class QuasistaticSimulation(Steppable):
         return self._reach(duration_s).converged
 
     def _reach(self, duration_s: float) -> Equilibrium:
-        """The equilibrium at the end of a step of this duration; infinite where it is reached slowly."""
+        """Solve for equilibrium at the end of a step of this duration, infinite for a quasi-static approach."""
         start = time.perf_counter()
         if self.chain.terms:
             self._loads = self._loads.after(self._memory.over(duration_s))
@@ -139,7 +148,7 @@ class QuasistaticSimulation(Steppable):
         return found
 
     def _by_actuation(self, found: Equilibrium) -> tuple[Array, Array | None]:
-        """How markers (k, n + 2, 3) and coordinates (k, n, a) answer to the inputs; None where it has not settled."""
+        """Return derivatives of markers (k, n + 2, 3) and coordinates (k, n, a) by the inputs; None before settling."""
         names = self.chain.inputs
         if not found.converged:
             return np.zeros((len(names), *found.markers_m.shape)), None
@@ -176,7 +185,7 @@ class QuasistaticSimulation(Steppable):
 
 
 def newton_options(chain: ChainModel, config: QuasistaticConfig) -> NewtonOptions:
-    """Tolerance, iterations and the longest move of a coordinate, in rad or m."""
+    """Return tolerance, iterations and the longest move of a coordinate, in rad or m."""
     reach = config.max_turn
     if chain.laws[0].joint == "prismatic":
         reach *= chain.length_m / chain.n_joints
@@ -189,9 +198,7 @@ class Quasistatic(PhysicsBackend):
     capabilities: ClassVar[Capabilities] = Capabilities(
         ("revolute", "spherical", "prismatic", "extensible"),
         dynamic=False,
-        internal_states=True,
         gradients=True,
-        batch=True,
         threads=True,
     )
     config: QuasistaticConfig
@@ -205,7 +212,7 @@ class Quasistatic(PhysicsBackend):
         return QuasistaticSimulation(chain, self.config, *self._compiled(chain))
 
     def _compiled(self, chain: ChainModel) -> tuple[Solver | None, Callable[[], Responder] | None]:
-        """The compiled ways; None for chains with law terms or laws that cannot be compiled."""
+        """Return the compiled methods; None for chains with law terms or laws that cannot be compiled."""
         if chain.terms or (self._packs is None and any(law.scalar() is None for law in chain.laws)):
             return None, None
         from pliant_plugins.physics.quasistatic import compiled_solver as compiled  # numba takes a second
@@ -215,8 +222,12 @@ class Quasistatic(PhysicsBackend):
         solver = compiled.compiled_solver(chain, options, packs)
         return solver, (lambda: compiled.responder(chain, options, packs)) if solver else None
 
+    def effort_tolerance(self) -> float:
+        """Return the config's."""
+        return self.config.tolerance
+
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
-        """Each chain from its straight state, on all cores: compiled loops run beside each other."""
+        """Settle each chain from its straight state, on all cores: compiled loops run in parallel."""
         cores = os.cpu_count() or 1
         size = min(CASES_AT_ONCE, -(-len(cases) // cores)) or 1
         parts = [cases[k : k + size] for k in range(0, len(cases), size)]
@@ -224,37 +235,40 @@ class Quasistatic(PhysicsBackend):
             return tuple(itertools.chain(*pool.map(self._settle_part, parts)))
 
     def _settle_part(self, cases: Sequence[Case]) -> list[Equilibrium]:
-        """Together where chains can be packed and the direct way finds the equilibrium, else one after another."""
+        """Settle together if chains can be packed and the direct method converges, else one after another."""
         from pliant_plugins.physics.quasistatic import batch, compiled_solver  # numba takes a second
 
         config = self.config
         packs = self._packs = self._packs or compiled_solver.Packs()
         options = NewtonOptions(config.tolerance, config.max_iterations, config.max_turn)
         together = batch.settle_together(cases, packs.laws, options)
-        return [together.get(k) or self._settle(case) for k, case in enumerate(cases)]
+        return [together.get(k) or settle_each(self, [case])[0] for k, case in enumerate(cases)]
 
-    def _settle(self, case: Case) -> Equilibrium:
-        with self.build(case.chain) as simulation:
-            simulation.apply(case.inputs)
-            return simulation.settle()
+    def rollout_batch(self, runs: Sequence[Run]) -> tuple[Rollout, ...]:
+        return roll_each(self, runs)
 
     def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
         spatial = chain.laws[0].joint != "revolute"
-        if (spatial or not histories) and any(law.behind()[0].scalar() is None for law in chain.laws):
+        if (spatial or not histories) and any(law.unwrap()[0].scalar() is None for law in chain.laws):
             return None
         if not histories and chain.terms:
             return None
-        from pliant_plugins.physics.compiled import is_cached  # numba takes a second
-        from pliant_plugins.physics.quasistatic.kernel import is_compiled
+        if histories:
+            from pliant_plugins.physics.quasistatic.kernel import is_compiled  # numba takes a second
 
-        if is_compiled(spatial) if histories else is_cached("equilibrium", "settle"):
+            compiled = is_compiled(spatial)
+        else:
+            from pliant_plugins.physics.compiled import is_cached
+
+            compiled = is_cached("equilibrium", "settle")
+        if compiled:
             return None
         return "compiling the simulation, about twenty seconds; this happens once after an installation."
 
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> Paths:
-        """In a compiled loop; chains with laws that cannot be compiled step by step, differences by their own paths."""
+        """Follow histories in a compiled loop; laws that cannot be compiled are stepped, with finite differences."""
         if self._follower is None:
             from pliant_plugins.physics.quasistatic.histories import Follower  # numba takes a second
 

@@ -1,7 +1,7 @@
-"""Many chains at once: packed together, then settled in one compiled call that holds no lock of Python.
+"""Many chains at once: packed together, then settled in one compiled call that releases Python's lock.
 
-What Python does for a chain is to list its parts, under half of the work: two threads that each pack and settle their
-own chains keep two cores busy.
+Python only lists the parts of a chain, under half of the work: two threads that each pack and settle their own chains
+use two cores.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from pliant_plugins.physics.quasistatic.newton import NewtonOptions
 Form = tuple[str, tuple[str, ...]]
 
 
-def form_of(case: Case) -> Form | None:
-    """What chains must share to be packed together; None where one is for the usual way.
+def packing_form(case: Case) -> Form | None:
+    """Return the properties that chains packed together must share; None for a chain that must be settled singly.
 
-    That has no law terms, loads at points, cords or turned actuators, turns only, and laws of one actuation each.
-    Faults are for the usual way, too, which has sentences for them.
+    Packed chains have no law terms, loads at points, cords or turned actuators, only rotations, and laws of one
+    actuation each. Invalid cases are settled singly too, which raises the error messages.
     """
     of, given = case.chain, case.inputs
     law = of.laws[0] if of.laws else None
@@ -105,7 +105,7 @@ class Batch:
 
     @property
     def sound(self) -> bool:
-        """Whether every law is there and every input a number; what is not has its sentence in the usual way."""
+        """Return whether every law exists and every input is finite; the single settle raises the message otherwise."""
         return self._known and all(
             np.isfinite(one).all() for one in (*self._of_chain[5:], *self._of_actuator)
         )
@@ -113,7 +113,7 @@ class Batch:
     def settled(
         self, options: NewtonOptions, starts: Sequence[Array] | None = None
     ) -> list[Equilibrium | None]:
-        """Each chain from its straight state, or from a given one; None where the direct way found no equilibrium."""
+        """Settle each chain from its straight or a given state; None if the direct method found no equilibrium."""
         start, count = time.perf_counter(), len(self.cases)
         shape = self._ends[-1], len(self._of_all[1])
         q = np.zeros(shape) if starts is None else np.concatenate(starts).reshape(shape)
@@ -151,12 +151,12 @@ def _equilibrium(
 
 
 def _rows(points: Sequence[Array]) -> Array:
-    """Arrays of threes below each other, (…, 3): many times faster than `np.array`."""
+    """Stack arrays of threes, (…, 3): many times faster than `np.array`."""
     return np.asarray(np.concatenate(points), float).reshape(-1, 3)
 
 
 def _ends(counts: Iterable[int]) -> Any:
-    """Where each piece begins and, last, where all end."""
+    """Return the offset of each piece, followed by the total."""
     return np.array([0, *accumulate(counts)], np.int64)
 
 
@@ -166,7 +166,7 @@ def settle_together(
     options: NewtonOptions,
     starts: Sequence[Array] | None = None,
 ) -> dict[int, Equilibrium]:
-    """Equilibria of those cases that can be packed and that the direct way settles, by their place.
+    """Return equilibria, by index, of the cases that can be packed and that the direct method settles.
 
     Args:
         laws_of: the packed laws of a chain, or None.
@@ -174,7 +174,7 @@ def settle_together(
     """
     packs: dict[Form, list[tuple[int, PackedLaws]]] = {}
     for place, case in enumerate(cases):
-        form = form_of(case)
+        form = packing_form(case)
         laws = laws_of(case.chain) if form else None
         if form and laws is not None:
             packs.setdefault(form, []).append((place, laws))
@@ -190,7 +190,7 @@ def settle_together(
 
 @njit(cache=True, nogil=True)
 def settle_many(packed, unloaded, options, q, markers, found):  # type: ignore[no-untyped-def]
-    """Fills q (J, a), markers (J + 2 C, 3) and found (C, 5): what `settle` returns, of C chains with J joints in all.
+    """Fill q (J, a), markers (J + 2 C, 3) and found (C, 5), the output of `settle`, of C chains with J joints.
 
     Args:
         packed: see `Batch`; unloaded: the arrays of no loads at points and of no cords.

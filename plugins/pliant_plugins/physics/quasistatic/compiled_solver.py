@@ -30,10 +30,10 @@ NO_ROWS, NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)
 
 
 class Body(NamedTuple):
-    """What of a chain does not move: kind of joint, its axes (a,), position, base rotation, offsets, rest rotations.
+    """Constants of a chain: kind of joint, its axes (a,), position, base rotation, offsets, rest rotations.
 
     `arms` and `masses` have n + 1 entries: the moving bodies' centres of mass, then the tip without a mass. `reach` is
-    `ChainGeometry.relative_reach`. A travel beside turns comes last and goes along the child's x.
+    `ChainGeometry.relative_reach`. The travel of an extensible joint is the last coordinate, along the child's x.
     """
 
     kind: int
@@ -48,8 +48,8 @@ class Body(NamedTuple):
     reach: Array
 
     @staticmethod
-    def of(chain: ChainModel) -> Body:
-        geometry = ChainGeometry.of(chain)
+    def from_chain(chain: ChainModel) -> Body:
+        geometry = ChainGeometry.from_chain(chain)
         moving = chain.bodies[1:]
         return Body(
             KINDS.index(geometry.kind),
@@ -66,12 +66,12 @@ class Body(NamedTuple):
 
 
 def load_arrays(loads: Loads, pressures: Array, payload_kg: float) -> tuple[Any, ...]:
-    """What the compiled statics take: pressures (k,), gravity, tip force, moment, payload, forces, cords.
+    """Return the loads for the compiled statics: pressures (k,), gravity, tip force, moment, payload, forces, cords.
 
     Forces are bodies (m,), points (m, 3) and forces (m, 3); cords bodies, points, pulleys and tensions (c,).
     """
 
-    def of_all(acting: Any, *names: str) -> tuple[Any, ...]:
+    def stack_rows(acting: Any, *names: str) -> tuple[Any, ...]:
         bodies = np.array([load.body for load in acting], np.int64) if acting else NO_BODIES
         rows = ([getattr(load, name) for load in acting] for name in names)
         return bodies, *(np.array(row, float) if row else NO_ROWS for row in rows)
@@ -79,36 +79,36 @@ def load_arrays(loads: Loads, pressures: Array, payload_kg: float) -> tuple[Any,
     gravity, tip_force = _plain(loads.gravity_m_s2), _plain(loads.tip_force_n)
     return (
         *(pressures, gravity, tip_force, float(loads.moment_n_m), float(payload_kg)),
-        *of_all(loads.forces, "point_m", "force_n"),
-        *of_all(loads.cords, "point_m", "pulley_m"),
+        *stack_rows(loads.forces, "point_m", "force_n"),
+        *stack_rows(loads.cords, "point_m", "pulley_m"),
         np.array([cord.tension_n for cord in loads.cords], float),
     )
 
 
 def _plain(values: Array) -> Array:
-    """A copy: contiguous and writable, because numba compiles anew for arrays that are not."""
+    """Return a contiguous and writable copy, because numba recompiles for arrays that are not."""
     return np.array(values, float, order="C")
 
 
 class Packs:
-    """The last few hundred packed laws and bodies, known by the identity of what they were made of."""
+    """A cache of the last few hundred packed laws and bodies, keyed by the identity of their sources."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[Any, ...], tuple[ChainModel, Any]] = {}
         self._lock = Lock()
 
-    def of(self, chain: ChainModel) -> tuple[tuple[Any, ...], CompiledLaws | None]:
-        """`Body` and `CompiledLaws` of a chain, whose loads, payload and gravity do not matter."""
+    def pack(self, chain: ChainModel) -> tuple[tuple[Any, ...], CompiledLaws | None]:
+        """Return `Body` and `CompiledLaws` of a chain, whatever its loads, payload and gravity."""
         base = (chain.base_position_m, chain.base_rotation)
         parts = (chain.joints, chain.bodies, chain.laws, chain.tip_offset_m, *base)
-        body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
+        body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.from_chain(c)))
         placed = ("joints", *map(id, chain.laws), id(chain.joints), chain.actuators)
         return body, self._keep(placed, chain, lambda c: CompiledLaws.in_place(c, self.laws(c)))
 
     def laws(self, chain: ChainModel) -> PackedLaws | None:
-        """Of a chain, wherever its joints are; None where a law has no scalar form."""
+        """Return the packed laws of a chain, whatever its geometry; None if a law has no scalar form."""
         found: PackedLaws | None = self._keep(
-            ("laws", *map(id, chain.laws)), chain, lambda c: PackedLaws.of(c.laws)
+            ("laws", *map(id, chain.laws)), chain, lambda c: PackedLaws.from_laws(c.laws)
         )
         return found
 
@@ -125,11 +125,11 @@ class Packs:
 
 
 def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> Solver | None:
-    """The solver of a chain without law terms whose laws all have a scalar form; None for others.
+    """Return the solver of a chain without law terms whose laws all have a scalar form; None for others.
 
     Where Newton's way fails it follows the overdamped motion from q.
     """
-    body, laws = packs.of(chain)
+    body, laws = packs.pack(chain)
     if chain.terms or laws is None:
         return None
     parts = (body, laws.arrays, laws.boxes)
@@ -148,11 +148,13 @@ def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> 
 
 
 def responder(chain: ChainModel, options: NewtonOptions, packs: Packs) -> Responder:
-    """Equilibria with slopes of a chain that `compiled_solver` takes; loads beside the actuation are packed once."""
-    body, laws = packs.of(chain)
+    """Return a solver of equilibria with slopes for a chain that is compiled; loads except the actuation are packed
+    once.
+    """
+    body, laws = packs.pack(chain)
     assert laws is not None
     inputs, n = chain.inputs, chain.n_joints
-    # (inputs, actuators) which actuators an input stands behind
+    # (inputs, actuators) which actuators an input drives
     share = np.array([[float(a.input == name) for a in chain.actuators] for name in inputs])
     behind = np.argmax(share, axis=0)
     # The load arrays of the inputs that were last packed, which hold them alive.
@@ -163,7 +165,7 @@ def responder(chain: ChainModel, options: NewtonOptions, packs: Packs) -> Respon
         if packed is None or any(
             getattr(given, name) is not getattr(packed[0], name) for name in OTHER_LOADS
         ):
-            loads = Loads.of(chain, given)
+            loads = Loads.from_inputs(chain, given)
             packed = (
                 given,
                 load_arrays(loads, actuation_values(chain.actuators, given.actuation), chain.payload_kg),

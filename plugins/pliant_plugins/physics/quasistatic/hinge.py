@@ -11,7 +11,7 @@ from numba import njit
 
 from pliant.mechanics.terms import STEP as SLOPE_STEP
 from pliant_plugins.physics.compiled.efforts import call_wide_law
-from pliant_plugins.physics.compiled.terms import combine, net_of_joint
+from pliant_plugins.physics.compiled.terms import combine, joint_net_input
 
 # Newton of a law behind a spring: steps, the shortest share of one, and the turn (rad) to which it is known.
 MOST_STEPS = 40
@@ -21,7 +21,7 @@ PRECISION_RAD = 1e-13
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def law_at(cells, grid, size, law, p, u):  # type: ignore[no-untyped-def]
-    """τ and ∂τ/∂u of a tabulated law: bicubic inside the table, straight on outside."""
+    """Return τ and ∂τ/∂u of a tabulated law: bicubic inside the table, straight on outside."""
     rows, columns = size[0], size[1]
     s, r = (p - grid[law, 0]) / grid[law, 1], (u - grid[law, 2]) / grid[law, 3]
     i = min(max(int(np.floor(s)), 0), rows - 1)
@@ -44,7 +44,7 @@ def law_at(cells, grid, size, law, p, u):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def wide_law_at(wide, law, a, u):  # type: ignore[no-untyped-def]
-    """τ and ∂τ/∂u of a law of several actuations a (m,), called by its address: τ = law(a, v), v = α u + γ τ."""
+    """Return τ and ∂τ/∂u of a law of actuations a (m,), called by address: τ = law(a, v), v = α u + γ τ."""
     addresses, spans, parameters, around, _, at, value, by_a, by_u = wide
     c = parameters[spans[law, 0] : spans[law, 1]]
     stretch, give = around[law, 0], around[law, 1]
@@ -70,12 +70,12 @@ def wide_law_at(wide, law, a, u):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def effort(model, joint, law, u, before, dt, p, t, old, old_at, new, new_at):  # type: ignore[no-untyped-def]
-    """τ' of one joint at angle u, and what `slope` needs of it; writes its new memory.
+    """Return τ' of one joint at angle u and the input of `slope`; write its new memory.
 
     Where all terms are moments the law is not split into its elastic and its actuation part.
     """
     terms, cells, grid, size, signs, split, drives, wide = model
-    net = net_of_joint(signs, drives, joint, p)
+    net = joint_net_input(signs, drives, joint, p)
     moment, elastic, actuation, rest = combine(terms, joint, u, before, dt, net, t, old, old_at, new, new_at)
     spring = driven = spring_u = driven_u = 0.0
     first, last = drives[joint, 0], drives[joint, 1]
@@ -111,12 +111,12 @@ def effort(model, joint, law, u, before, dt, p, t, old, old_at, new, new_at):  #
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def slope(model, joint, u, before, dt, p, t, old, old_at, scratch, parts):  # type: ignore[no-untyped-def]
-    """∂τ'/∂u of one joint: laws by the slopes of their tables, terms by central differences."""
+    """Return ∂τ'/∂u of one joint: laws by the slopes of their tables, terms by central differences."""
     spring, driven, spring_u, driven_u = parts
     terms, h = model[0], SLOPE_STEP
     if not len(terms[0]):
         return spring_u
-    net = net_of_joint(model[4], model[6], joint, p)
+    net = joint_net_input(model[4], model[6], joint, p)
     m1, e1, a1, r1 = combine(terms, joint, u + h, before, dt, net, t, old, old_at, scratch, 0)
     m0, e0, a0, r0 = combine(terms, joint, u - h, before, dt, net, t, old, old_at, scratch, 0)
     of_terms = (m1 - m0) + (e1 - e0) * spring + (a1 - a0) * driven - spring_u * (r1 - r0)
@@ -137,7 +137,7 @@ def by_the_past(model, joint, u, before, dt, p, t, memory, changes, scratch, par
     old, old_at, states, moved = memory
     before_v, old_v = changes
     spring, driven, spring_u, _ = parts
-    net = net_of_joint(model[4], model[6], joint, p)
+    net = joint_net_input(model[4], model[6], joint, p)
     share = 1.0
     if abs(before_v) > SLOPE_STEP:
         share = SLOPE_STEP / abs(before_v)
@@ -153,7 +153,7 @@ def by_the_past(model, joint, u, before, dt, p, t, memory, changes, scratch, par
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def pose(q, base, body, axes, origins, points):  # type: ignore[no-untyped-def]
-    """Fills axes (n, 3), origins (n, 3) and points (n + 1, 3) of the moving bodies and the tip."""
+    """Fill axes (n, 3), origins (n, 3) and points (n + 1, 3) of the moving bodies and the tip."""
     position, _, offsets, rests, straight, arms, _ = body
     n = len(q)
     x, y, z = position[0], position[1], position[2]
@@ -190,7 +190,7 @@ def pose(q, base, body, axes, origins, points):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def weigh(axes, origins, points, masses, payload, gravity, force, load, turned):  # type: ignore[no-untyped-def]
-    """Fills the generalised loads (n,), and `turned` (n, 3), whose products with axes are their derivatives.
+    """Fill the generalised loads (n,), and `turned` (n, 3), whose products with axes are their derivatives.
 
     With T = Σ (x − o) Fᵀ of the points beyond joint i: load a · ax(T), turned (T − tr T) a.
     """

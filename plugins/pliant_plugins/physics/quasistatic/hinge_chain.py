@@ -20,7 +20,7 @@ from pliant_plugins.physics.quasistatic.hinge import by_the_past, effort, pose, 
 
 @njit(cache=True, error_model="numpy")
 def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
-    """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
+    """Fill the frame and the new memory at q; return the largest residual, infinite if one is not finite."""
     apart()
     model_handle, laws, body, gravity = kept(chain)
     model = kept(model_handle)
@@ -43,7 +43,7 @@ def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
-    """Fills the stiffness −∂R/∂q (n, n) at the q of the last balance; returns whether it is symmetric: it is."""
+    """Fill the stiffness −∂R/∂q (n, n) at the q of the last balance; return True: it is symmetric."""
     apart()
     model = kept(kept(chain)[0])
     _, p, _, _, _, t, dt = kept(now)
@@ -62,7 +62,7 @@ def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped
 
 @njit(cache=True, error_model="numpy")
 def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
-    """Fills lines[1] with how the residual changes at q under what `then` and `past` hold; see `kernel`."""
+    """Fill lines[1] with the change of the residual at q due to `then` and `past`; see `kernel`."""
     apart()
     model_handle, gravity, p, f, opposed, hung, t = kept(then)
     before, old, _, states = kept(memory)

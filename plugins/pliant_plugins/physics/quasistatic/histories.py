@@ -17,7 +17,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History, run_by_run
 from pliant.records.law import JointLaw
-from pliant.records.term import LawTerm, numbers_of
+from pliant.records.term import LawTerm, term_parameters
 from pliant_plugins.physics.compiled.laws import CompiledTerms
 from pliant_plugins.physics.quasistatic.compiled_solver import NO_BODIES, NO_ROWS, Body
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
@@ -40,7 +40,7 @@ MOST_TABLES = 64
 
 
 class Drive(NamedTuple):
-    """What changes from sample to sample, of all runs one after another: N samples, m actuators."""
+    """Inputs at the samples of all runs one after another: N samples, m actuators."""
 
     pressure: Array
     force: Array
@@ -50,8 +50,8 @@ class Drive(NamedTuple):
     angles: Array
 
     @staticmethod
-    def of(chain: ChainModel, histories: Sequence[History]) -> Drive:
-        """Raises `UserError` where a history lacks an input of the chain, or a number of it."""
+    def from_histories(chain: ChainModel, histories: Sequence[History]) -> Drive:
+        """Collect the inputs. Raises `UserError` if a history lacks an input of the chain, or a number of it."""
         join = np.concatenate
         if any(a.input not in h.actuation for a in chain.actuators for h in histories):
             check_driven(chain, histories)
@@ -84,8 +84,8 @@ class Clock(NamedTuple):
     substeps: Any
 
     @staticmethod
-    def of(chain: ChainModel, histories: Sequence[History], longest_step_s: float) -> Clock:
-        """Steps longer than `longest_step_s` are cut into equal parts.
+    def from_histories(chain: ChainModel, histories: Sequence[History], longest_step_s: float) -> Clock:
+        """Divide steps longer than `longest_step_s` into equal parts.
 
         Raises:
             UserError: a time that is not a number.
@@ -116,23 +116,23 @@ class Follower:
     lock: Any = field(default_factory=Lock)  # fits may run in threads
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it travels to a worker: without its tables."""
+        """Pickle for a worker, without the tables."""
         return Follower, (self.config,)
 
     def takes(self, chain: ChainModel) -> bool:
-        """Whether the loop can follow this chain: its laws have a scalar form, or are tabulated."""
-        return CalledLaws.of([law for law in chain.laws if not is_tabulated(law)]) is not None
+        """Return whether the loop can follow this chain: its laws have a scalar form, or are tabulated."""
+        return CalledLaws.from_laws([law for law in chain.laws if not is_tabulated(law)]) is not None
 
     def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
         """See `PhysicsBackend.follow`."""
         longest = self.config.longest_step_s
-        drive, clock = Drive.of(chain, histories), Clock.of(chain, histories, longest)
+        drive, clock = Drive.from_histories(chain, histories), Clock.from_histories(chain, histories, longest)
         changes, clocks = [], []
         for v in towards:
             same = chain.payload_kg == v.chain.payload_kg and chain.actuators == v.chain.actuators
             driven_alike = same and all(a is b for a, b in zip(histories, v.histories, strict=True))
-            changes.append(drive if driven_alike else Drive.of(v.chain, v.histories))
-            clocks.append(clock if driven_alike else Clock.of(v.chain, v.histories, longest))
+            changes.append(drive if driven_alike else Drive.from_histories(v.chain, v.histories))
+            clocks.append(clock if driven_alike else Clock.from_histories(v.chain, v.histories, longest))
         linear = [
             k
             for k, v in enumerate(towards)
@@ -148,7 +148,7 @@ class Follower:
         shape = (len(q), chain.n_joints, len(chain.axes))
         paths = _split(histories, q.reshape(shape), converged)
         differences: dict[int, tuple[Followed, ...]] = {}
-        for k in still:  # what is read changes, and no joint
+        for k in still:  # readings change, joints do not
             differences[k] = _split(histories, np.zeros(shape), converged)
         for row, k in enumerate(moving):
             differences[k] = _split(histories, dq[row].reshape(shape), converged)
@@ -160,15 +160,15 @@ class Follower:
     def _run(
         self, chain: ChainModel, drive: Drive, clock: Clock, towards: Sequence[tuple[ChainModel, Drive]]
     ) -> tuple[Array, Array, Any]:
-        """Coordinates (N, n·a), their changes (K, N, n·a) to first order, and whether each sample converged (N,)."""
-        terms = CompiledTerms.of(chain.terms, chain.n_joints)
+        """Return coordinates (N, n·a), their first-order changes (K, N, n·a), and convergence of each sample (N,)."""
+        terms = CompiledTerms.from_terms(chain.terms, chain.n_joints)
         hinges = chain.laws[0].joint == "revolute"
         model, laws, body = (self._hinges if hinges else _spatial)(chain, terms, drive)
         gravity = np.asarray(chain.gravity_m_s2, float)
-        parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c, _ in towards]
+        parameters = [CompiledTerms.from_terms(c.terms, c.n_joints).parameters for c, _ in towards]
         gravities = [np.asarray(c.gravity_m_s2, float) for c, _ in towards]
         loop: Any = follow if hinges else follow_spatial
-        units = np.tile(1.0 / ChainGeometry.of(chain).reach, chain.n_joints)
+        units = np.tile(1.0 / ChainGeometry.from_chain(chain).reach, chain.n_joints)
         result: tuple[Array, Array, Any] = loop(
             model,
             terms.keeps,
@@ -176,7 +176,7 @@ class Follower:
             body,
             gravity,
             tuple(drive[:5]),
-            tuple(clock),
+            (*clock, _numbers_by_run(clock, (chain, drive), towards)),
             (
                 _stack(parameters, terms.arrays[2]),
                 _stack(gravities, gravity),
@@ -187,11 +187,11 @@ class Follower:
         return result
 
     def _hinges(self, chain: ChainModel, terms: CompiledTerms, drive: Drive) -> tuple[Any, Any, Any]:
-        """Model, laws of the joints and body as `kernel.follow` takes them."""
-        body = Body.of(chain)
+        """Return model, joint laws and body as arguments of `kernel.follow`."""
+        body = Body.from_chain(chain)
         wide = [law for law in chain.laws if is_wide(law)]
         narrow = [law for law in chain.laws if not is_wide(law)]
-        # Where each law stands among those of its kind.
+        # Index of each law among those of its kind.
         place = [
             sum(is_wide(law) == is_wide(other) for other in chain.laws[:k])
             for k, law in enumerate(chain.laws)
@@ -211,7 +211,7 @@ class Follower:
             np.array([actuator.sign for actuator in chain.actuators], float),
             _is_split(chain),
             _drives(chain),
-            tuple(WideLaws.of(wide) or ()),
+            tuple(WideLaws.from_laws(wide) or ()),
         )
         placed = (
             body.position,
@@ -225,7 +225,7 @@ class Follower:
         return model, np.array([place[joint.law] for joint in chain.joints]), placed
 
     def _table(self, law: JointLaw, pressure: Array) -> LawTable:
-        """The law's table; one for all actuations within the same power of two."""
+        """Return the law's table; one for all actuations within the same power of two."""
         reach = float(np.abs(pressure).max()) * (1.0 + MARGIN) or 1.0
         high = 2.0 ** math.ceil(math.log2(reach))
         low = -high if pressure.min() < -0.1 * high else -0.25 * high
@@ -241,13 +241,13 @@ class Follower:
 
 
 def is_tabulated(law: JointLaw) -> bool:
-    """Whether the loop reads a law off a table, so that it needs no scalar form: hinges under one actuation."""
+    """Return whether the loop interpolates a law in a table and needs no scalar form: hinges under one actuation."""
     return law.joint == "revolute" and not is_wide(law)
 
 
 def _spatial(chain: ChainModel, terms: CompiledTerms, drive: Drive) -> tuple[Any, Any, Any]:
-    """Model, laws of the joints and body as `kernel.follow_spatial` takes them."""
-    body, laws, a = Body.of(chain), CalledLaws.of(chain.laws), len(chain.axes)
+    """Return model, joint laws and body as arguments of `kernel.follow_spatial`."""
+    body, laws, a = Body.from_chain(chain), CalledLaws.from_laws(chain.laws), len(chain.axes)
     assert laws is not None
     model = (
         terms.arrays,
@@ -271,14 +271,36 @@ def _spatial(chain: ChainModel, terms: CompiledTerms, drive: Drive) -> tuple[Any
 
 
 def _drives(chain: ChainModel) -> Any:
-    """(n, 3) first and last (exclusive) actuator of each joint, and how many its law takes at once."""
-    spans = [(*chain.drives_of(joint), len(chain.laws[joint.law].actuations)) for joint in chain.joints]
+    """Return (n, 3) first and last (exclusive) actuator of each joint, and the number of its law's actuations."""
+    spans = [(*chain.actuator_range(joint), len(chain.laws[joint.law].actuations)) for joint in chain.joints]
     return np.array(spans, np.int64)
 
 
 def _is_split(chain: ChainModel) -> bool:
-    """Whether a term acts on the elastic or the actuation part of the laws alone."""
+    """Return whether a term acts on the elastic or the actuation part of the laws alone."""
     return any(term.role != "moment" for term in chain.terms)
+
+
+def _numbers_by_run(
+    clock: Clock, base: tuple[ChainModel, Drive], towards: Sequence[tuple[ChainModel, Drive]]
+) -> tuple[Array, Array]:
+    """Return the terms' numbers under the payload of each run: (R, n·P), and (K, R, n·P) of the variations.
+
+    Both are empty (R = 0) if no term depends on the payload or no run has another payload than its chain.
+    """
+    begins = np.flatnonzero(clock.start)
+    every = [(chain, drive.payload[begins] - chain.payload_kg) for chain, drive in (base, *towards)]
+    width = term_parameters(base[0].terms, base[0].n_joints).size
+    if not any(more.any() and any(term.per_payload_kg for term in chain.terms) for chain, more in every):
+        return np.zeros((0, width)), np.zeros((len(towards), 0, width))
+    numbers = [
+        [
+            term_parameters([term.carrying(float(kg)) for term in chain.terms], chain.n_joints).ravel()
+            for kg in more
+        ]
+        for chain, more in every
+    ]
+    return np.array(numbers[0]), np.array(numbers[1:]).reshape(len(towards), len(begins), width)
 
 
 def _stack(rows: Sequence[Array], like: Array) -> Array:
@@ -286,17 +308,17 @@ def _stack(rows: Sequence[Array], like: Array) -> Array:
 
 
 def _acting(chain: ChainModel, law: JointLaw, pressure: Array) -> Array:
-    """Those columns of the actuators' values that act on joints with this law; all where no joint has it."""
-    spans = {chain.drives_of(joint) for joint in chain.joints if chain.laws[joint.law] is law}
+    """Return the columns of the actuators' values that act on joints with this law; all if no joint has it."""
+    spans = {chain.actuator_range(joint) for joint in chain.joints if chain.laws[joint.law] is law}
     columns = sorted({k for first, last in spans for k in range(first, last)})
     return pressure[:, columns] if columns else pressure
 
 
 def _same_body(chain: ChainModel, other: ChainModel) -> bool:
-    """Whether two chains differ in gravity, payload and term parameters only."""
+    """Return whether two chains differ in gravity, payload and term parameters only."""
 
     def alike(pieces: Sequence[object], others: Sequence[object]) -> bool:
-        """Joints or bodies, number by number: effects that change chains make new ones."""
+        """Compare joints or bodies, number by number: effects that change chains make new ones."""
         pairs = zip(pieces, others, strict=True)
         numbers = ((x, vars(b)[name]) for a, b in pairs for name, x in vars(a).items())
         return pieces is others or all(np.array_equal(x, y) for x, y in numbers)
@@ -316,8 +338,8 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
 
 
 def _same_numbers(chain: ChainModel, other: ChainModel) -> bool:
-    """Whether two chains of the same body have the same gravity and term parameters."""
-    here, there = (numbers_of(one.terms, one.n_joints) for one in (chain, other))
+    """Return whether two chains of the same body have the same gravity and term parameters."""
+    here, there = (term_parameters(one.terms, one.n_joints) for one in (chain, other))
     return np.array_equal(chain.gravity_m_s2, other.gravity_m_s2) and np.array_equal(here, there)
 
 

@@ -5,10 +5,10 @@
 with E(u) = τ(0, u), τ(p, u) = Σ_k T_k law(p_k, T_kᵀ u) or law(a, u), and each term a function of one coordinate
 (`LawTerm`). Laws are called by their addresses.
 
-The handle of a model holds terms, laws, turns T (k, a, a), space, signs, whether a term has another role than `moment`,
-drives (n, 3), and no actuation (k,). Laws are addresses, spans, parameters, `less_rest`, α and γ of `JointLaw.behind`.
-Parts of an effort are what `slopes` and `by_the_past` need of it: E_b (n, a), A_b (n, a), f_elastic ∂E/∂u and
-f_actuation ∂A/∂u (n, a, a), and Σ rest (n, a).
+The handle of a model contains terms, laws, turns T (k, a, a), space, signs, whether a term has another role than
+`moment`, drives (n, 3), and no actuation (k,). Laws are addresses, spans, parameters, `less_rest`, α and γ of
+`JointLaw.unwrap`. Parts of an effort are the input of `slopes` and `by_the_past`: E_b (n, a), A_b (n, a), f_elastic
+∂E/∂u and f_actuation ∂A/∂u (n, a, a), and Σ rest (n, a).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pliant.records.design import Array
 from pliant_plugins.physics.compiled.arrays import copy, copy_rows
 from pliant_plugins.physics.compiled.efforts import call_law, call_wide_law
 from pliant_plugins.physics.compiled.handles import apart, kept
-from pliant_plugins.physics.compiled.terms import combine, net_of_joint
+from pliant_plugins.physics.compiled.terms import combine, joint_net_input
 from pliant_plugins.physics.quasistatic.small_systems import solve
 
 # Newton of a law behind a spring: steps, the shortest share of one, and the turn (rad) to which it is known.
@@ -31,13 +31,13 @@ PRECISION_RAD = 1e-13
 
 
 def new_space(a: int, m: int) -> tuple[Array, Array, Array]:
-    """Arrays that a call needs: rows (12, a), slopes by m actuations (a·m,), blocks (5, a, a)."""
+    """Return work arrays of a call: rows (12, a), slopes by m actuations (a·m,), blocks (5, a, a)."""
     return np.zeros((12, a)), np.zeros(a * m), np.zeros((5, a, a))
 
 
 @njit(cache=True, error_model="numpy")
 def _law(model, law, p, first, count, v, tau, tau_u):  # type: ignore[no-untyped-def]
-    """Fills τ (a,) and ∂τ/∂v of a law without what stands around it."""
+    """Fill τ (a,) and ∂τ/∂v of a law without its wrappers."""
     apart()
     _, (addresses, spans, parameters, less, _), _, (rows, by_p, blocks), _, _, _, _ = kept(model)
     c = parameters[spans[law, 0] : spans[law, 1]]
@@ -64,7 +64,7 @@ def _law(model, law, p, first, count, v, tau, tau_u):  # type: ignore[no-untyped
 
 @njit(cache=True, error_model="numpy")
 def _law_behind(model, law, p, first, count, u, tau, tau_u):  # type: ignore[no-untyped-def]
-    """Fills τ (a,) and ∂τ/∂u of a law in its place: τ = law(p, v), v = α u + γ τ."""
+    """Fill τ (a,) and ∂τ/∂u of a law in its place: τ = law(p, v), v = α u + γ τ."""
     apart()
     _, laws, _, (rows, _, _), _, _, _, _ = kept(model)
     stretch, give = laws[4][law, 0], laws[4][law, 1]
@@ -82,7 +82,7 @@ def _law_behind(model, law, p, first, count, u, tau, tau_u):  # type: ignore[no-
 
 @njit(cache=True, error_model="numpy")
 def _divide(model, law, p, first, count, u, tau, tau_u):  # type: ignore[no-untyped-def]
-    """Newton's method for v, shortened where it does not help, from v = α u; see `_law_behind`."""
+    """Solve for v by damped Newton from v = α u; see `_law_behind`."""
     apart()
     _, laws, _, (rows, _, blocks), _, _, _, _ = kept(model)
     stretch, give = laws[4][law, 0], laws[4][law, 1]
@@ -127,7 +127,7 @@ def _divide(model, law, p, first, count, u, tau, tau_u):  # type: ignore[no-unty
 
 @njit(cache=True, error_model="numpy")
 def joint_laws(model, joint, law, p, u, tau, tau_u):  # type: ignore[no-untyped-def]
-    """Fills τ (a,) and ∂τ/∂u (a, a) of a joint without terms, p (k,) being the values of all actuators."""
+    """Fill τ (a,) and ∂τ/∂u (a, a) of a joint without terms, p (k,) being the values of all actuators."""
     apart()
     _, _, turns, (rows, _, blocks), _, _, drives, _ = kept(model)
     first, last, count = drives[joint, 0], drives[joint, 1], drives[joint, 2]
@@ -160,12 +160,12 @@ def joint_laws(model, joint, law, p, u, tau, tau_u):  # type: ignore[no-untyped-
 
 @njit(cache=True, error_model="numpy")
 def effort(model, joint, law, q, before, dt, p, t, old, new, states, tau, parts):  # type: ignore[no-untyped-def]
-    """Fills τ' of a joint's coordinates in tau (n·a,), their new memory, and its parts."""
+    """Fill τ' of a joint's coordinates in tau (n·a,), their new memory, and its parts."""
     apart()
     spring, driven, spring_u, driven_u, moved_by = parts
     terms, _, _, (rows, _, _), signs, split, drives, none = kept(model)
     u, shifted, moment, elastic, actuation, a = rows[7], rows[8], rows[9], rows[10], rows[11], spring.shape[1]
-    net, moved = net_of_joint(signs, drives, joint, p), False
+    net, moved = joint_net_input(signs, drives, joint, p), False
     for b in range(a):
         d = joint * a + b
         u[b] = q[d]
@@ -199,15 +199,15 @@ def effort(model, joint, law, q, before, dt, p, t, old, new, states, tau, parts)
 
 
 @njit(cache=True, error_model="numpy")
-def effort_of_terms(model, joint, q, before, dt, p, t, old, new, states, tau, parts):  # type: ignore[no-untyped-def]
-    """Fills τ' as `effort` does, of other terms at actuations and coordinates of which the parts are known.
+def term_effort(model, joint, q, before, dt, p, t, old, new, states, tau, parts):  # type: ignore[no-untyped-def]
+    """Fill τ' as `effort`, of other terms at actuations and coordinates with known parts.
 
     Returns whether it could: no rest has moved, so that laws need not be called again. Parts stay as they are.
     """
     apart()
     spring, driven, _, _, moved_by = parts
     terms, _, _, _, signs, split, drives, _ = kept(model)
-    a, net = spring.shape[1], net_of_joint(signs, drives, joint, p)
+    a, net = spring.shape[1], joint_net_input(signs, drives, joint, p)
     for b in range(a):
         d = joint * a + b
         moment, elastic, actuation, rest = combine(
@@ -223,7 +223,7 @@ def effort_of_terms(model, joint, q, before, dt, p, t, old, new, states, tau, pa
 
 @njit(cache=True, error_model="numpy")
 def slopes(model, joint, q, before, dt, p, t, old, states, scratch, parts, tau_u):  # type: ignore[no-untyped-def]
-    """Fills ∂τ'/∂u (a, a) of a joint: laws by their slopes, terms by central differences."""
+    """Fill ∂τ'/∂u (a, a) of a joint: laws by their slopes, terms by central differences."""
     apart()
     spring, driven, spring_u, driven_u, _ = parts
     terms, _, _, _, signs, split, drives, _ = kept(model)
@@ -235,7 +235,7 @@ def slopes(model, joint, q, before, dt, p, t, old, states, scratch, parts, tau_u
                 tau_u[b, e] += driven_u[joint, b, e]
     if not len(terms[0]):
         return
-    net = net_of_joint(signs, drives, joint, p)
+    net = joint_net_input(signs, drives, joint, p)
     for e in range(a):
         d = joint * a + e
         at, u = d * states, q[d]
@@ -252,7 +252,7 @@ def slopes(model, joint, q, before, dt, p, t, old, states, scratch, parts, tau_u
 
 @njit(cache=True, error_model="numpy")
 def by_the_past(model, joint, q, before, dt, p, t, memory, changes, scratch, parts, change):  # type: ignore[no-untyped-def]
-    """Adds to `change` (n·a,) that of τ' of a joint with small changes of its coordinates and memory before the step.
+    """Add to `change` (n·a,) the change of τ' of a joint with its coordinates and memory before the step.
 
     By central differences as small as those of `slopes`, for the reason that `hinge.by_the_past` gives.
 
@@ -265,7 +265,7 @@ def by_the_past(model, joint, q, before, dt, p, t, memory, changes, scratch, par
     before_v, old_v = changes
     spring, driven, spring_u, _, _ = parts
     terms, _, _, _, signs, split, drives, _ = kept(model)
-    a, net = spring.shape[1], net_of_joint(signs, drives, joint, p)
+    a, net = spring.shape[1], joint_net_input(signs, drives, joint, p)
     for e in range(a):
         d = joint * a + e
         at, share = d * states, 1.0

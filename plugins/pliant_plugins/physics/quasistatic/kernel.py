@@ -2,12 +2,12 @@
 
 At each step Newton's method solves R(q) = 0 for the coordinates in one line, (n·a,), with R the balance of
 `hinge_chain` for hinges and of `spatial_chain` for all other joints: the loop is compiled for either. Derivatives
-follow by the implicit function theorem: with a small change δ of inputs, parameters and past, K dq = R(q; δ) − R(q) +
-∂R/∂past δ, the first difference with the past as it was, K = −∂R/∂q, and memories change by what the step makes of the
-changed past at q + dq.
+follow by the implicit function theorem: with a small change δ of inputs, parameters and past, K dq = R(q;
+δ) − R(q) + ∂R/∂past δ, the first difference with the unchanged past, K = −∂R/∂q, and memories change by the result of
+the step for the changed past at q + dq.
 
-Everything is plain loops over small arrays that are lent from function to function: counting references to them would
-cost more than the arithmetic.
+All code is plain loops over small arrays that are passed without reference counting, which would cost more than the
+arithmetic.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from pliant_plugins.physics.compiled.arrays import copy, copy_rows, lent
 from pliant_plugins.physics.compiled.equilibrium import new_factor
 from pliant_plugins.physics.compiled.handles import apart, keep, kept
 from pliant_plugins.physics.compiled.statics import new_frame
-from pliant_plugins.physics.compiled.terms import combine, net_of_joint
+from pliant_plugins.physics.compiled.terms import combine, joint_net_input
 from pliant_plugins.physics.quasistatic import hinge, hinge_chain, joint_effort, small_systems, spatial_chain
 from pliant_plugins.physics.quasistatic.small_systems import is_positive, solve, substitute
 
@@ -44,51 +44,55 @@ OF_BOTH = (sys.modules[__name__], small_systems, arrays, handles, efforts, laws,
 SOURCES = tuple(Path(str(module.__file__)) for module in (*OF_BOTH, *OF_HINGES, *OF_OTHERS))
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
+# Number of failed steps after which Newton's method stops: without descent the relaxation is faster.
+MOST_STALLS = 2
+# A step that went past the equilibrium is cut to this share at least.
+LEAST_SHARE = 0.1
 # From a guess, steps that aim at this share of the tolerance.
 CLOSER, CLOSER_STEPS = 1e-2, 2
 # Pseudo-transient continuation: iterations, and the turn of a joint that its first step aims at.
 RELAX_ITERATIONS = 300
 RELAX_TURN = 0.05
-# A saddle is left along a mode that grows, by this share of the longest turn: that mode takes so many multiplications.
+# A saddle is left along a growing mode, by this share of the longest turn; multiplications to find the mode.
 PUSH, MODE_STEPS = 0.2, 200
 # Curvature below this share of the largest is neutral within rounding.
 NEUTRAL = 1e-10
-# A joint that has turned so far (rad) has no equilibrium in reach.
+# A joint that has turned by this angle (rad) has no equilibrium in reach.
 MOST_TURNED = 2.0 * np.pi
 
 
 def _chosen(chain: Any, name: str) -> Any:
-    """The function of this name for the type of a chain: only that of hinges begins its body with an array."""
+    """Return the function of this name for the type of a chain: only a hinge's body begins with an array."""
     of_hinges = isinstance(chain.kind[2][0], types.Array)
     return getattr(hinge_chain if of_hinges else spatial_chain, name)
 
 
 def _balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
-    """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
+    """Fill the frame and the new memory at q; return the largest residual, infinite if one is not finite."""
 
 
 @overload(_balance)
-def _balance_of(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
+def _overload_balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
     balance = _chosen(chain, "balance")
     return lambda chain, now, q, memory, frame: balance(chain, now, q, memory, frame)
 
 
 def _stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
-    """Fills the stiffness −∂R/∂q at the q of the last balance; returns whether it is symmetric."""
+    """Fill the stiffness −∂R/∂q at the q of the last balance; return whether it is symmetric."""
 
 
 @overload(_stiffen)
-def _stiffen_of(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
+def _overload_stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
     stiffen = _chosen(chain, "stiffen")
     return lambda chain, now, q, memory, frame, stiffness: stiffen(chain, now, q, memory, frame, stiffness)
 
 
 def _misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
-    """Fills lines[1] with R(q; δ) − R(q) + ∂R/∂past δ; `then` and `past` are those of `_differentiate`."""
+    """Fill lines[1] with R(q; δ) − R(q) + ∂R/∂past δ; `then` and `past` are those of `_differentiate`."""
 
 
 @overload(_misfit)
-def _misfit_of(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
+def _overload_misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
     misfit = _chosen(chain, "misfit")
     return lambda chain, then, now, q, memory, past, frame, lines, spare: misfit(
         chain, then, now, q, memory, past, frame, lines, spare
@@ -97,7 +101,7 @@ def _misfit_of(chain, then, now, q, memory, past, frame, lines, spare):  # type:
 
 @njit(cache=True, error_model="numpy")
 def _step(stiffness, symmetric, residual, step, work, options):  # type: ignore[no-untyped-def]
-    """Fills Newton's step; returns the share of it that moves no coordinate too far."""
+    """Fill Newton's step; return the share of it that moves no coordinate too far."""
     apart()
     _, _, max_turn, unit = kept(options)
     n = len(step)
@@ -119,7 +123,7 @@ def _step(stiffness, symmetric, residual, step, work, options):  # type: ignore[
 
 @njit(cache=True, error_model="numpy")
 def _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):  # type: ignore[no-untyped-def]
-    """Moves q to equilibrium; returns whether it was reached. Frame and new memory are those at q.
+    """Move q to equilibrium; return whether it was reached. Frame and new memory are those at q.
 
     From a guess the way is short, and would end at the tolerance: a step or two more end as near as the way from the
     step before. Where no equilibrium was reached, q and the memory are those before the step: what comes next begins
@@ -127,18 +131,21 @@ def _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
     """
     apart()
     before, old, new, _ = kept(memory)
-    least = CLOSER_STEPS if guessed else 0
-    while True:
-        if _newton(chain, now, q, memory, frame, square, lines, options, least):
+    max_iterations = kept(options)[1]
+    least, stalls, relaxed = CLOSER_STEPS if guessed else 0, MOST_STALLS, False
+    while True:  # from a guess, from the step before, and there at last with every patience
+        if _newton(chain, now, q, memory, frame, square, lines, options, least, stalls):
             return True
-        if least == 0:
-            break
-        least = 0
         copy(before, q)
-    copy(before, q)
-    if _relax(chain, now, q, memory, frame, square, lines, options):
-        return True
-    copy(before, q)
+        if least > 0:
+            least = 0
+            continue
+        if relaxed:
+            break
+        if _relax(chain, now, q, memory, frame, square, lines, options):
+            return True
+        copy(before, q)
+        stalls, relaxed = max_iterations, True
     _balance(chain, now, q, memory, frame)
     copy(old, new)
     return False
@@ -146,7 +153,7 @@ def _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
 
 @njit(cache=True, error_model="numpy")
 def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
-    """Newton's method damped as an overdamped motion with ever longer steps; returns whether it arrived.
+    """Run Newton's method damped as an overdamped motion with increasing steps; return whether it converged.
 
     Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but
     it follows a long chain through curls and snaps, in which the residual must grow before it falls.
@@ -180,27 +187,45 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
     return size <= tolerance
 
 
-@njit(cache=True, error_model="numpy")
-def _newton(chain, now, q, memory, frame, square, lines, options, least):  # type: ignore[no-untyped-def]
-    """Moves q toward equilibrium; returns whether it was reached. Frame and new memory are those at q.
+@njit(cache=True, forceinline=True, error_model="numpy")
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
 
-    In its first `least` steps it aims closer than the tolerance.
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def _shorter(along, there):  # type: ignore[no-untyped-def]
+    """Share of a step at whose end the residual does the work `there` along it: where a straight line has none."""
+    share = along / (along - there) if along > 0.0 and there < 0.0 else 0.5
+    return min(max(share, LEAST_SHARE), 0.5)
+
+
+@njit(cache=True, error_model="numpy")
+def _newton(chain, now, q, memory, frame, square, lines, options, least, most_stalls):  # type: ignore[no-untyped-def]
+    """Move q toward equilibrium; return whether it was reached. Frame and new memory are those at q.
+
+    In its first `least` steps it aims closer than the tolerance. It gives up after `most_stalls` steps that help at
+    no length.
     """
     tolerance, max_iterations, _, _ = kept(options)
     stiffness, work = kept(square)
     step, trial = kept(lines)
     residual = kept(frame)[5]
     size, aim = _balance(chain, now, q, memory, frame), CLOSER * tolerance
-    iteration = 0
+    iteration = stalls = 0
     while (
         (size > tolerance or (size > aim and iteration < least))
         and iteration < max_iterations
+        and stalls < most_stalls
         and np.isfinite(size)
     ):
         iteration += 1
         symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
         scale = _step(stiffness, symmetric, residual, step, work, options)
-        # A step that makes the balance worse is halved, a few times: kinks and backward slopes.
+        along = _dot(residual, step)
+        # A step that makes the balance worse is cut, a few times: kinks and backward slopes.
         reached = size
         for _ in range(MAX_HALVINGS):
             for i in range(len(q)):
@@ -208,7 +233,9 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
             reached = _balance(chain, now, trial, memory, frame)
             if reached < size or reached <= tolerance:
                 break
-            scale *= 0.5
+            scale *= _shorter(along, _dot(residual, step))
+        if not (reached < size or reached <= tolerance):
+            stalls += 1
         copy(trial, q)
         size = reached
     return size <= tolerance
@@ -216,10 +243,10 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
 
 @njit(cache=True, error_model="numpy")
 def _leave_saddle(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
-    """Moves q from an equilibrium with the stiffness that the square holds to a stable one, if it is a saddle.
+    """Move q from a saddle, with the stiffness in `square`, to a stable equilibrium.
 
-    The mode that falls most is found by power iteration; of its two sides the one is taken on which the residual does
-    more work. Returns whether q has moved; frame and new memory are those at q.
+    The mode of steepest descent is found by power iteration; of its two directions the one is taken in which the
+    residual does more work. Returns whether q has moved; frame and new memory are those at q.
     """
     apart()
     _, _, max_turn, unit = kept(options)
@@ -255,7 +282,7 @@ def _leave_saddle(chain, now, q, memory, frame, square, lines, options):  # type
     best, side = -np.inf, 1.0
     for way in (1.0, -1.0):
         done = 0.0
-        for share in (0.5, 1.0):  # Simpson's rule: the residual is nothing where it begins
+        for share in (0.5, 1.0):  # Simpson's rule: the residual is zero at the start
             for i in range(n):
                 q[i] = start[i] + way * share * PUSH * max_turn * mode[i]
             _balance(chain, now, q, memory, frame)
@@ -275,10 +302,10 @@ def _leave_saddle(chain, now, q, memory, frame, square, lines, options):  # type
 
 @njit(cache=True, error_model="numpy")
 def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive):  # type: ignore[no-untyped-def]
-    """Changes of q and of the memory when parameters, inputs and past change a little.
+    """Compute first-order changes of q and of the memory for small changes of parameters, inputs and past.
 
-    `then` holds the changed model, gravity, inputs and loads; `past` the changes of the past, which become those of
-    the present. The square holds the stiffness and, where it is positive, its factor.
+    `then` contains the changed model, gravity, inputs and loads; `past` the changes of the past, which are overwritten
+    by those of the present. `square` contains the stiffness and, if it is positive, its factor.
     """
     apart()
     model_handle, _, p, _, _, _, t = kept(then)
@@ -297,7 +324,7 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     for i in range(len(q)):
         if states:
             joint, at = i // n_axes, i * states
-            net = net_of_joint(signs, drives, joint, p)
+            net = joint_net_input(signs, drives, joint, p)
             for s in range(states):
                 moved[s] = old[at + s] + old_v[at + s]
             combine(terms, joint, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0)
@@ -308,13 +335,13 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def _mix(value, previous, share, begins):  # type: ignore[no-untyped-def]
-    """A straight line from the sample before to this one; from nothing where a run begins."""
+    """Interpolate linearly from the last sample to this one; from zero at the start of a run."""
     return share * value if begins else share * value + (1.0 - share) * previous
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def _drive(drive, sample, share, begins, p, f):  # type: ignore[no-untyped-def]
-    """Fills pressures and tip force part of the way to a sample; returns moment, payload and temperature there."""
+    """Fill pressures and tip force part of the way to a sample; return moment, payload and temperature there."""
     pressure, force, moment, payload, temperature = drive
     last = max(sample - 1, 0)
     for m in range(len(p)):
@@ -330,7 +357,7 @@ def _drive(drive, sample, share, begins, p, f):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def _extrapolate(q, before, earlier, stretch, guess):  # type: ignore[no-untyped-def]
-    """Fills the guess on the straight line through the last two steps."""
+    """Fill the guess on the straight line through the last two steps."""
     for i in range(len(q)):
         guess[i] = before[i] + stretch * (before[i] - earlier[i])
 
@@ -345,12 +372,12 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space):  # type: ignore[no-untyped-def]
-    """The loop of `follow`, over arrays that its caller owns."""
+    """Run the loop of `follow` over arrays of its caller."""
     apart()
     model, keeps, laws, body, gravity, drive, clock, others, options, space = lent(
         (model, keeps, laws, body, gravity, drive, clock, others, options, space)
     )
-    duration, start, specimen, _, substeps = clock
+    duration, start, specimen, _, substeps, (numbers_of_run, numbers_of_run_v) = clock
     bases = body[1]
     numbers_v, gravity_v, pressure_v, force_v, moment_v, payload_v, temperature_v = others
     results, angles, memories, changes, places, scratch, square, rows, spare, inputs = space
@@ -365,7 +392,9 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
     square, spare, unit, options = keep(square), keep(spare), options[3], keep(options)
     n_samples, n, states, n_changes = len(start), len(q), len(keeps), len(numbers_v)
     memory = keep((before, old, new, states))
+    positive = False
     last_dt, trusted, buckles = np.inf, False, n > len(laws)  # out of the plane in which it is loaded
+    run = -1
     for sample in range(n_samples):
         begins, owner = start[sample], specimen[sample]
         if begins:
@@ -373,6 +402,11 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
             copy(kept[owner], old)
             copy_rows(kept_v[owner], old_v)
             trusted = False
+            run += 1
+            if len(numbers_of_run):
+                copy(numbers_of_run[run], model[0][2])
+                for k in range(n_changes):
+                    copy(numbers_of_run_v[k, run], numbers_v[k])
             for i in range(n):
                 for s in range(states):
                     if not keeps[s]:
@@ -388,16 +422,20 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
             guessed = trusted and _distance(guess, before) > 0.0
             if guessed:
                 copy(guess, q)
+            known = False
             if not _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
                 converged[sample] = False
             elif buckles:
                 symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
-                if symmetric and not is_positive(stiffness, 0.0, unit, factor):
+                positive, known = symmetric and is_positive(stiffness, 0.0, unit, factor), True
+                if symmetric and not positive:
                     _leave_saddle(chain, now, q, memory, frame, square, lines, options)
+                    known = False
             trusted = _distance(q, guess) < _distance(q, before)
             if n_changes:
-                symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
-                positive = symmetric and is_positive(stiffness, 0.0, unit, factor)
+                if not known:
+                    symmetric = _stiffen(chain, now, q, memory, frame, stiffness)
+                    positive = symmetric and is_positive(stiffness, 0.0, unit, factor)
                 for k in range(n_changes):
                     drive_v = (pressure_v[k], force_v[k], moment_v[k], payload_v[k], temperature_v[k])
                     opposed_v, hung_v, t_v = _drive(drive_v, sample, share, begins, p_v, f_v)
@@ -419,7 +457,7 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def _space(n, states, n_samples, n_changes, n_specimens, m):  # type: ignore[no-untyped-def]
-    """Arrays of a loop over n coordinates that both kinds of chains need."""
+    """Return arrays of a loop over n coordinates that both kinds of chains need."""
     results = (
         np.zeros((n_samples, n)),
         np.zeros((n_changes, n_samples, n)),
@@ -437,24 +475,25 @@ def _space(n, states, n_samples, n_changes, n_specimens, m):  # type: ignore[no-
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  # type: ignore[no-untyped-def]
-    """A chain of n hinges through N samples of all runs, one after another.
+    """Follow a chain of n hinges through N samples of all runs, one after another.
 
-    Newton's method begins on the straight line through the last two steps where that was nearer last time, else where
-    the last step ended.
+    Newton's method starts from the linear extrapolation of the last two steps if that was closer last time, else from
+    the last step.
 
     Args:
         model: terms of `CompiledTerms.arrays`; cells, grid, size (cells by actuation and by angle) of `LawTable`; signs
             of the actuators; whether a term has another role than `moment`; `drives` of `CompiledLaws`; laws of
-            several actuations: addresses, spans, parameters, α and γ (see `JointLaw.behind`), zeros, space.
+            several actuations: addresses, spans, parameters, α and γ (see `JointLaw.unwrap`), zeros, space.
         keeps: (states,) whether a memory outlasts the rest between runs.
         laws: (n,) which table each joint has, or which law of several actuations.
-        body: position, bases (N, 3, 3), offsets, rests, which rests are none (n,), arms, masses: see `Body`; the third
-            axis of its frames is that of the hinges.
+        body: position, bases (N, 3, 3), offsets, rests, which rests are the identity (n,), arms, masses: see `Body`;
+            the third axis of its frames is that of the hinges.
         gravity: (3,).
         drive: pressure (N, m), force (N, 3), moment (N,), payload (N,), temperature (N,).
-        clock: duration (N,), start (N,), specimen (N,), number of specimens, substeps (N,).
+        clock: duration (N,), start (N,), specimen (N,), number of specimens, substeps (N,); the terms' numbers by run,
+            (R, n·P) and (K, R, n·P) of the variations, or R = 0 if those of `model` and `others` hold for all runs.
         others: numbers, gravity and the five arrays of `drive` of K variations, stacked.
-        options: tolerance, iterations, longest turn of a joint in one of them; (n,) what makes a turn of a coordinate.
+        options: tolerance, iterations, longest turn of a joint in one of them; (n,) factors from coordinates to turns.
 
     Returns:
         q (N, n), its changes (K, N, n) to first order, and whether each sample converged (N,).
@@ -479,7 +518,7 @@ def _parts(n, a):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow_spatial(model, keeps, laws, body, gravity, drive, clock, others, options):  # type: ignore[no-untyped-def]
-    """`follow` of joints of any kind with a coordinates each: q is (N, n·a), changes (K, N, n·a).
+    """Follow a chain of any joints with a coordinates each, as `follow`: q (N, n·a), changes (K, N, n·a).
 
     Args:
         model: see `joint_effort`; body: see `spatial_chain`; laws: (n,) which law each joint has.
@@ -500,7 +539,7 @@ discard_stale(Path(follow.stats.cache_path), SOURCES)
 
 
 def is_compiled(spatial: bool = False) -> bool:
-    """Whether machine code of the loop is there, in this process or in numba's cache, as new as its sources."""
+    """Return whether up-to-date machine code of the loop exists, in this process or in numba's cache."""
     loop = follow_spatial if spatial else follow
     if loop.signatures:
         return True

@@ -29,7 +29,7 @@ class LawTable(NamedTuple):
 
 
 def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
-    """Cells over the given actuation and the law's domain with as much again on both sides.
+    """Tabulate cells over the given actuation and the law's domain extended by its width on both sides.
 
     Values and first slopes of τ agree with the law at the nodes; between them the error is of fourth order in
     the spacing. A law without a domain is tabulated over ±π.
@@ -62,9 +62,9 @@ def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
 
 
 def _packed(laws: Sequence[JointLaw]) -> tuple[PackedLaws, Array] | None:
-    """Return the laws' scalar forms and (l, 2) α and γ of `JointLaw.behind`; None where one has no scalar form."""
-    known = [law.behind() for law in laws]
-    packed = PackedLaws.of([law for law, _, _ in known])
+    """Return the laws' scalar forms and (l, 2) α and γ of `JointLaw.unwrap`; None where one has no scalar form."""
+    known = [law.unwrap() for law in laws]
+    packed = PackedLaws.from_laws([law for law, _, _ in known])
     if packed is None:
         return None
     return packed, np.array([number for _, *number in known], float).reshape(-1, 2)
@@ -73,7 +73,7 @@ def _packed(laws: Sequence[JointLaw]) -> tuple[PackedLaws, Array] | None:
 class WideLaws(NamedTuple):
     """Laws of several actuations as the loop calls them: addresses (l,), spans (l, 2) of the parameters (P,).
 
-    `around` (l, 2) has α and γ of `JointLaw.behind`; then come as many zeros as a law may have actuations, and space
+    `around` (l, 2) has α and γ of `JointLaw.unwrap`; then come as many zeros as a law may have actuations, and space
     for one call: deformation, effort, its slopes by all of them and by the deformation.
     """
 
@@ -88,8 +88,8 @@ class WideLaws(NamedTuple):
     by_u: Array
 
     @staticmethod
-    def of(laws: Sequence[JointLaw]) -> WideLaws | None:
-        """None where one of them has no scalar form."""
+    def from_laws(laws: Sequence[JointLaw]) -> WideLaws | None:
+        """Pack laws; return None if one of them has no scalar form."""
         if (found := _packed(laws)) is None:
             return None
         packed, around = found
@@ -99,14 +99,14 @@ class WideLaws(NamedTuple):
 
 
 def is_wide(law: JointLaw) -> bool:
-    """Whether a law takes several actuations at once."""
+    """Return whether a law takes several actuations at once."""
     return len(law.actuations) > 1
 
 
 class CalledLaws(NamedTuple):
     """Laws as `joint_effort` calls them: addresses (l,), spans (l, 2) of the parameters (P,), `less_rest` (l,).
 
-    `around` (l, 2) has α and γ of `JointLaw.behind`.
+    `around` (l, 2) has α and γ of `JointLaw.unwrap`.
     """
 
     addresses: Any
@@ -116,8 +116,8 @@ class CalledLaws(NamedTuple):
     around: Array
 
     @staticmethod
-    def of(laws: Sequence[JointLaw]) -> CalledLaws | None:
-        """None where one of them has no scalar form."""
+    def from_laws(laws: Sequence[JointLaw]) -> CalledLaws | None:
+        """Pack laws; return None if one of them has no scalar form."""
         if (found := _packed(laws)) is None:
             return None
         packed, around = found

@@ -36,9 +36,9 @@ STEP = 1e-5
 
 
 class NewtonOptions(NamedTuple):
-    """tolerance on the largest residual, iterations allowed, longest move of a coordinate in one step.
+    """Tolerance on the largest residual, maximum number of iterations, longest move of a coordinate in one step.
 
-    Travels beside turns are counted in shares of a module's length (`ChainGeometry.relative_reach`).
+    Travels of extensible joints are measured in module lengths (`ChainGeometry.relative_reach`).
     """
 
     tolerance: float
@@ -48,9 +48,9 @@ class NewtonOptions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ChainSolution:
-    """Where the iteration ended: q (n, a), its largest residual, and what that point is.
+    """The end of an iteration: q (n, a), its largest residual, and the type of that point.
 
-    `markers` (n + 2, 3) and `inside`, no law outside its domain, are there where they cost nothing.
+    `markers` (n + 2, 3) and `inside`, no law outside its domain, are set if they are available at no cost.
     """
 
     q: Array
@@ -111,7 +111,7 @@ def _is_positive(stiffness: Array) -> bool:
 def _step(balance: Balance, positive: bool) -> Array:
     right = balance.residual.ravel()
     if positive:
-        # The stiffness as it is, not its symmetric part: laws fitted without an energy stay quadratic.
+        # The full stiffness, not its symmetric part: convergence stays quadratic for laws fitted without an energy.
         return np.asarray(np.linalg.solve(balance.stiffness, right), float)
     values, modes = np.linalg.eigh(0.5 * (balance.stiffness + balance.stiffness.T))
     floor = 1e-8 * float(np.abs(values).max()) + np.finfo(float).tiny
@@ -121,7 +121,7 @@ def _step(balance: Balance, positive: bool) -> Array:
 def _search(
     statics: ChainStatics, loads: Loads, q: Array, balance: Balance, step: Array, positive: bool
 ) -> tuple[Array, Balance] | None:
-    """The accepted point and its balance, or None when no step along the direction helps."""
+    """Return the accepted point and its balance, or None when no step along the direction helps."""
     trial = statics.balance(q + step, loads)
     norm = np.linalg.norm(balance.residual)
     if positive and np.linalg.norm(trial.residual) <= 0.5 * norm:
@@ -141,17 +141,17 @@ def _search(
 
 
 def _leave_saddle(statics: ChainStatics, loads: Loads, q: Array, mode: Array, length: float) -> Array:
-    """q moved along an unstable mode by `length`, to the side on which the potential is lower."""
+    """Return q moved along an unstable mode by `length`, to the side of lower potential."""
     push = mode * (length / np.abs(mode / statics.geometry.relative_reach).max())
     up, down = q + push, q - push
     return up if statics.potential(up, loads) <= statics.potential(down, loads) else down
 
 
 def sensitivity(chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads) -> Sensitivity:
-    """Derivatives of the equilibrium q (n, a) under these loads.
+    """Return derivatives of the equilibrium q (n, a) under these loads.
 
-    Laws without a scalar form have no entry; prismatic chains have none for the end moment. What law terms
-    remember is held as it was before the step to q.
+    Laws without a scalar form have no entry; prismatic chains have none for the end moment. The memory of law terms is
+    that before the step to q.
 
     Raises:
         UserError: the stiffness is singular at q.
@@ -165,7 +165,7 @@ def sensitivity(chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads
 def by_actuation(
     chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What `sensitivity` says of the inputs alone: change of coordinates (n, a) and of markers (n + 2, 3) by input.
+    """Return the part of `sensitivity` for the inputs: change of coordinates (n, a) and of markers (n + 2, 3) by input.
 
     Raises:
         UserError: the stiffness is singular at q.
@@ -204,7 +204,7 @@ def _solve(stiffness: Array, right: Array) -> Array:
 
 
 def _load_slopes(chain: ChainModel, statics: ChainStatics, pose: Pose, loads: Loads) -> dict[str, Array]:
-    """∂R/∂ of tip force, payload, gravity and end moment, each (n, a, …)."""
+    """Return ∂R/∂ of tip force, payload, gravity and end moment, each (n, a, …)."""
     last = chain.n_joints
     tip = pose.origins[-1] + pose.rotations[-1] @ np.asarray(chain.tip_offset_m, float)
     at_tip = statics.point_jacobian(pose, last, tip).transpose(1, 2, 0)
@@ -225,7 +225,7 @@ def _load_slopes(chain: ChainModel, statics: ChainStatics, pose: Pose, loads: Lo
 
 
 def _actuation_slopes(chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads) -> dict[str, Array]:
-    """∂τ/∂p (n, a) of each input; law terms may depend on it too, then by central differences."""
+    """Return ∂τ/∂p (n, a) of each input; by central differences if law terms depend on it."""
     if not chain.terms:
         return dict(statics.efforts.evaluate(q, loads.actuation, loads.memory).dtau_dp)
     slopes = {}
@@ -241,7 +241,7 @@ def _actuation_slopes(chain: ChainModel, statics: ChainStatics, q: Array, loads:
 
 
 def _law_slopes(chain: ChainModel, q: Array, loads: Loads) -> dict[str, Array]:
-    """∂τ/∂c (n, a, parameters) of each law with a scalar form, by central differences."""
+    """Return ∂τ/∂c (n, a, parameters) of each law with a scalar form, by central differences."""
 
     def tau(k: int, scalar: ScalarLaw) -> Array:
         laws = (*chain.laws[:k], _ScalarForm(chain.laws[k], scalar), *chain.laws[k + 1 :])
@@ -280,7 +280,7 @@ class _ScalarForm(JointLaw):
         return effort
 
     def _form(self, actuation: Array, deformation: Array) -> Effort:
-        """What the function itself gives."""
+        """Evaluate the scalar function."""
         # numba takes a second
         from pliant_plugins.physics.compiled.efforts import evaluate_law, evaluate_wide_law
         from pliant_plugins.physics.compiled.laws import law_address

@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def solve(matrix, right):  # type: ignore[no-untyped-def]
-    """matrix⁻¹ right by elimination with pivots; both are overwritten. Singular pivots become tiny ones."""
+    """Compute matrix⁻¹ right by elimination with pivots; both are overwritten. Singular pivots become tiny ones."""
     n = len(right)
     for i in range(n):
         best = i
@@ -34,7 +34,7 @@ def solve(matrix, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def is_positive(matrix, shift, weights, factor):  # type: ignore[no-untyped-def]
-    """Whether a symmetric matrix + shift · weights is positive; fills Cholesky's factor, its diagonal inverted."""
+    """Return whether symmetric matrix + shift · weights is positive; fill its Cholesky factor, diagonal inverted."""
     n = len(matrix)
     for i in range(n):
         for j in range(i):
@@ -53,7 +53,7 @@ def is_positive(matrix, shift, weights, factor):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def substitute(factor, right):  # type: ignore[no-untyped-def]
-    """Solves in place with the factor of `is_positive`."""
+    """Solve in place with the factor of `is_positive`."""
     n = len(right)
     for i in range(n):
         rest = right[i]

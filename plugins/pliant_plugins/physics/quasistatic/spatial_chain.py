@@ -16,26 +16,27 @@ from pliant_plugins.physics.compiled.equilibrium import ROUNDING, fill_dense
 from pliant_plugins.physics.compiled.handles import apart, kept
 from pliant_plugins.physics.compiled.statics import n_turns, place, sum_beyond
 from pliant_plugins.physics.compiled.statics import stiffen as stiffen_by_loads
-from pliant_plugins.physics.quasistatic.joint_effort import by_the_past, effort, effort_of_terms, slopes
+from pliant_plugins.physics.compiled.terms import has_past
+from pliant_plugins.physics.quasistatic.joint_effort import by_the_past, effort, slopes, term_effort
 
 
 @njit(cache=True, error_model="numpy")
 def _placed(body, base):  # type: ignore[no-untyped-def]
-    """A body as `compiled.statics` takes it, on a base that stands as given."""
+    """Return a body for `compiled.statics` on the given base."""
     kind, _, axes, main, position, offsets, rests, arms, masses, reach, _ = body
     return kind, axes, main, position, base, offsets, rests, arms, masses, reach
 
 
 @njit(cache=True, error_model="numpy")
 def _loads(body, p, gravity, f, opposed, hung):  # type: ignore[no-untyped-def]
-    """Loads as `compiled.statics` takes them."""
+    """Return loads for `compiled.statics`."""
     bodies, rows, none = body[10]
     return p, gravity, f, opposed, hung, bodies, rows, rows, bodies, rows, rows, none
 
 
 @njit(cache=True, error_model="numpy")
 def _generalise(body, opposed, statics, load):  # type: ignore[no-untyped-def]
-    """Fills load (n·a,) with what loads and end moment do at the coordinates."""
+    """Fill load (n·a,) with the generalised forces of loads and end moment."""
     directions, moments, forces = statics[3], statics[10], statics[13]
     n, a = len(moments), len(body[2])
     turns = n_turns(body[0], a)
@@ -50,7 +51,7 @@ def _generalise(body, opposed, statics, load):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
-    """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
+    """Fill the frame and the new memory at q; return the largest residual, infinite if one is not finite."""
     apart()
     model, laws, body, gravity = kept(chain)
     base, p, f, opposed, hung, t, dt = kept(now)
@@ -73,7 +74,7 @@ def balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped-def]
-    """Fills the stiffness −∂R/∂q (n·a, n·a) at the q of the last balance; returns whether it is symmetric."""
+    """Fill the stiffness −∂R/∂q (n·a, n·a) at the q of the last balance; return whether it is symmetric."""
     apart()
     model, laws, body, gravity = kept(chain)
     base, p, f, opposed, hung, t, dt = kept(now)
@@ -93,7 +94,7 @@ def stiffen(chain, now, q, memory, frame, stiffness):  # type: ignore[no-untyped
 
 @njit(cache=True, error_model="numpy")
 def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ignore[no-untyped-def]
-    """Fills lines[1] with how the residual changes at q under what `then` and `past` hold; see `kernel`."""
+    """Fill lines[1] with the change of the residual at q due to `then` and `past`; see `kernel`."""
     apart()
     model, gravity, p, f, opposed, hung, t = kept(then)
     before, old, _, states = kept(memory)
@@ -102,7 +103,7 @@ def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ign
     moved, scratch, other_parts = kept(spare)
     same, laws, body, same_gravity = kept(chain)
     base, same_p, same_f, same_opposed, same_hung, same_t, dt = kept(now)
-    has_terms = len(kept(same)[0][0]) > 0
+    remembers = has_past(kept(same)[0])
     a = len(body[2])
     copy(plain_load, load)
     if (
@@ -117,13 +118,13 @@ def misfit(chain, then, now, q, memory, past, frame, lines, spare):  # type: ign
     for k in range(len(p)):
         same_laws = same_laws and p[k] == same_p[k]
     for i in range(len(laws)):
-        if not same_laws or not effort_of_terms(
+        if not same_laws or not term_effort(
             model, i, q, before, dt, p, t, old, scratch, states, right, parts
         ):
             effort(model, i, laws[i], q, before, dt, p, t, old, scratch, states, right, other_parts)
         for d in range(i * a, i * a + a):
             right[d] += load[d] - residual[d]
-        if has_terms:
+        if remembers:
             was = (old, states, moved)
             by_the_past(same, i, q, before, dt, same_p, same_t, was, kept(past), scratch, parts, right)
 

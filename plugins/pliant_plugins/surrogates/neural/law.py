@@ -12,11 +12,11 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.neural.network import Network, network_effort, several_network_effort, shared
-from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
+from pliant_plugins.surrogates.records import float_arrays, law_record, shared_fields
 
-# The network is seen this far outside the box, in half-widths; halved until it is stable there.
+# The network is evaluated this far outside the box, in half-widths; halved until it is stable there.
 REACHES = (0.25, 0.125, 1 / 16, 1 / 32, 1 / 64)
-# Of the least stiffness in the box, what must be left as far outside as the network is seen.
+# Share of the least stiffness in the box that must remain as far outside as the network is evaluated.
 SHARE_LEFT = 0.5
 # Where a border has no stiffness: of the effort's range over the box's half-width.
 LEAST_STIFFNESS = 0.02
@@ -28,16 +28,16 @@ LEVELS, FEWEST = {2: 41, 3: 13, 4: 7, 5: 5, 6: 4}, 3  # of a grid, by the number
 class NetworkContinuation:
     """Π̃(p, u) = N(p̃, ũ) − (p − p̃) G·u + Σ_i B_i(δ_i), N being the network's energy.
 
-    δ is how far outside the box a coordinate lies, and x̃ = x̂ + L tanh(δ/L) bends it so that the network is seen no
-    further than L outside. Beside it stand, for each axis outside its box, with r = |δ| and t = tanh(r/L),
+    δ is the distance of a coordinate outside the box, and x̃ = x̂ + L tanh(δ/L) bounds it so that the network is
+    evaluated at most L outside. Each axis outside its box adds, with r = |δ| and t = tanh(r/L),
 
         B_i = −a_i(p̃) sign(δ_i) (r − L t) + k_i [r²/2 − L² (⅔ ln cosh(r/L) + t²/6)] + D_i (r − L t)
 
-    where a_i is τ_i on the border, the other axes at rest, so that τ goes on as a line of the stiffness k_i. All
-    terms and their first two derivatives vanish on the border: τ is C¹. Where the network is stable up to L outside
-    the box, so is the law everywhere: k_i [1 − (1 − t²)²] and D_i ≥ |τ_i − a_i| keep what bending takes away.
-    Pressure beyond p̃ pushes with the constant gain G of the border at rest, which leaves the stiffness alone. Of
-    several actuations each has its own G, the others at rest.
+    where a_i is τ_i on the border, the other axes at rest, so that τ continues as a line of the stiffness k_i. All
+    terms and their first two derivatives vanish on the border: τ is C¹. If the network is stable up to L outside the
+    box, the law is stable everywhere: k_i [1 − (1 − t²)²] and D_i ≥ |τ_i − a_i| compensate the stiffness lost by
+    bounding x̃. Pressure beyond p̃ acts with the constant gain G of the border at rest, which does not change the
+    stiffness. Of several actuations each has its own G, the others at rest.
 
     Attributes:
         box: (m + k, 2).
@@ -58,7 +58,7 @@ class NetworkContinuation:
     largest_slope: float
 
     def bend(self, points: Array) -> tuple[Array, Array, Array]:
-        """x̃, how fast it follows x (1 inside, 1 − t² outside), and δ; all (n, m + k)."""
+        """Return x̃, its derivative by x (1 inside, 1 − t² outside), and δ; all (n, m + k)."""
         inside = np.clip(points, self.box[:, 0], self.box[:, 1])
         excess = points - inside
         bent = np.tanh(excess / self.reach)
@@ -66,7 +66,7 @@ class NetworkContinuation:
 
 
 def continue_(network: Network, box: Array) -> NetworkContinuation:
-    """The continuation of a network outside box (m + k, 2), with the largest reach that keeps it stable."""
+    """Return the continuation of a network outside box (m + k, 2), with the largest reach that keeps it stable."""
     half = np.ptp(box, axis=1) / 2
     m = network.n_inputs
     levels = LEVELS.get(len(box), FEWEST)
@@ -88,7 +88,7 @@ def continue_(network: Network, box: Array) -> NetworkContinuation:
 
 
 def _borders(network: Network, box: Array, reach: Array, rest: Array) -> tuple[Array, Array]:
-    """k_i and D_i, (k, 2) each: mean stiffness on a border, farthest that τ_i is from its value at rest near it."""
+    """Return k_i and D_i, (k, 2) each: mean stiffness on a border, largest deviation of τ_i from rest near it."""
     k, m = network.n_axes, network.n_inputs
     levels = LEVELS.get(len(box), FEWEST)
     stiffness, guard = np.zeros((k, 2)), np.zeros((k, 2))
@@ -123,7 +123,7 @@ KIND = "neural"
 
 @dataclass(frozen=True, eq=False)
 class NeuralLaw(JointLaw):
-    """τ = −∂Π/∂u of `Network` inside the box and of `NetworkContinuation` outside: nothing gains energy anywhere.
+    """τ = −∂Π/∂u of `Network` inside the box and of `NetworkContinuation` outside: conservative everywhere.
 
     ∂τ_i/∂u_j = ∂τ_j/∂u_i to the last bit but rounding. numpy is all that it needs.
 
@@ -145,7 +145,7 @@ class NeuralLaw(JointLaw):
         object.__setattr__(self, "outside", continue_(self.network, self.domain.box))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for actuation (n,) and deformation (n, k).
+        """Return τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for actuation (n,) and deformation (n, k).
 
         Of m > 1 actuations they are (n, m), ∂τ/∂p is (n, k, m).
         """
@@ -174,12 +174,12 @@ class NeuralLaw(JointLaw):
         return Effort(tau, _narrow(gain), slope)
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
+        """Return Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
         u = np.asarray(deformation, float)
         return self._energy(_points(actuation, u)) - self._energy(_points(actuation, np.zeros_like(u)))
 
     def scalar(self) -> ScalarLaw:
-        """The same law for compiled engines."""
+        """Return the law as a scalar function for compiled engines."""
         net, how = self.network, self.outside
         outer_gain = how.gain.transpose(2, 0, 1).reshape(net.n_axes, -1)
         axes = [how.rest, how.stiffness, how.guard, outer_gain, net.effort, net.gains, net.stiffness]
@@ -191,16 +191,18 @@ class NeuralLaw(JointLaw):
         return ScalarLaw(network_effort, parameters, partial(shared, axes=len(self.axes)))
 
     def record(self) -> LawRecord:
-        """Network, domain and error bar; the continuation follows from them."""
+        """Return network, domain and error bar; the continuation follows from them."""
         return law_record(KIND, self, self.network.arrays())
 
     @staticmethod
-    def of_record(record: LawRecord) -> NeuralLaw:
-        """The law of a record; both evaluate to the same bits."""
-        return NeuralLaw(Network(**arrays_of(record, *Network.__dataclass_fields__)), **shared_fields(record))
+    def from_record(record: LawRecord) -> NeuralLaw:
+        """Return the law of a record, identical bit for bit."""
+        return NeuralLaw(
+            Network(**float_arrays(record, *Network.__dataclass_fields__)), **shared_fields(record)
+        )
 
     def _energy(self, points: Array) -> Array:
-        """(n,) Π̃, see `NetworkContinuation`."""
+        """Return (n,) Π̃, see `NetworkContinuation`."""
         how = self.outside
         bent, _, excess = how.bend(points)
         energy = self.network.energy(bent)
@@ -221,12 +223,12 @@ class NeuralLaw(JointLaw):
         return energy + beside.sum(axis=1)
 
     def _outer_gain(self, excess: Array) -> Array:
-        """(n, k, m) G of the side on which each actuation left its box by excess (n, m)."""
+        """Return (n, k, m) G of the side on which each actuation left its box by excess (n, m)."""
         of_side = self.outside.gain[np.arange(excess.shape[1]), (excess > 0).astype(int)]
         return np.swapaxes(of_side, 1, 2)
 
     def _border(self, p: Array, excess: Array) -> tuple[Array, Array]:
-        """a_i (n, k) and ∂a_i/∂p̃ (n, k, m) at p (n, m); zero for axes inside their box."""
+        """Return a_i (n, k) and ∂a_i/∂p̃ (n, k, m) at p (n, m); zero for axes inside their box."""
         m = p.shape[1]
         tau, gain = np.zeros_like(excess), np.zeros((*excess.shape, m))
         for i in range(excess.shape[1]):
@@ -239,17 +241,17 @@ class NeuralLaw(JointLaw):
         return tau, gain
 
     def _sides(self, excess: Array) -> tuple[Array, Array]:
-        """k_i and D_i of the side that each joint left, (n, k) each."""
+        """Return k_i and D_i of the side that each joint left, (n, k) each."""
         side = (excess > 0).astype(int)
         index = np.arange(excess.shape[1])
         return self.outside.stiffness[index, side], self.outside.guard[index, side]
 
 
 def _points(actuation: Array, deformation: Array) -> Array:
-    """(n, m + k)."""
+    """Return points (n, m + k)."""
     return np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
 
 
 def _narrow(gain: Array) -> Array:
-    """∂τ/∂p (n, k, m) as laws give it: (n, k) of one actuation."""
+    """Return ∂τ/∂p (n, k, m) in the format of laws: (n, k) for one actuation."""
     return gain[:, :, 0] if gain.shape[2] == 1 else gain

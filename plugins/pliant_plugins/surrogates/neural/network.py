@@ -1,4 +1,4 @@
-"""A network of an energy: one hidden layer of smooth ridges beside a quadratic form; the neural law for engines.
+"""A network of an energy: one hidden layer of smooth ridges plus a quadratic form; the neural law for engines.
 
 `NeuralLaw.evaluate` is the same as the plain functions here, in numpy, and `NetworkContinuation` has the formulas.
 """
@@ -61,14 +61,14 @@ class Network:
         return self.weights.size + 2 * len(self.offsets) + k + self.gain.size + k * (k + 1) // 2
 
     def energy(self, points: Array) -> Array:
-        """(n,) Π at points (n, m + k) of actuations and deformations."""
+        """Return (n,) Π at points (n, m + k) of actuations and deformations."""
         p, u = np.split(points, [self.n_inputs], axis=1)
         z = points @ self.weights.T + self.offsets
         quadratic = np.sum(u * (u @ self.stiffness) / 2 - u * (self.effort + p @ self.gains.T), axis=1)
         return np.sqrt(1 + z * z) @ self.factors + quadratic
 
     def efforts(self, points: Array) -> tuple[Array, Array, Array]:
-        """τ = −∂Π/∂u (n, k), ∂τ/∂p (n, k, m) and the symmetric ∂τ/∂u (n, k, k) at points (n, m + k)."""
+        """Return τ = −∂Π/∂u (n, k), ∂τ/∂p (n, k, m) and the symmetric ∂τ/∂u (n, k, k) at points (n, m + k)."""
         n, k, m = len(points), self.n_axes, self.n_inputs
         of_u = self.weights[:, m:] * self.factors[:, None]
         across = self.weights[:, :, None] * of_u[:, None, :]
@@ -93,7 +93,7 @@ class Network:
         return tau, gain, -self.stiffness - by_u.reshape(n, k, k)
 
     def arrays(self) -> dict[str, Array]:
-        """The network as arrays for a `LawRecord`."""
+        """Return the network as arrays for a `LawRecord`."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
@@ -116,7 +116,7 @@ def network_effort(
 def several_network_effort(
     actuation: Array, deformation: Array, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
 ) -> None:
-    """The same of m actuations; dtau_dp (k·m,) has ∂τ_i/∂a_j at i·m + j."""
+    """Fill the effort of m actuations; dtau_dp (k·m,) has ∂τ_i/∂a_j at i·m + j."""
     k = len(tau)
     m = int(parameters[1] + 0.5)
     axes = HEADER + COORDINATE * (m + k)
@@ -141,7 +141,7 @@ def several_network_effort(
 
 
 def _bent(value: float, parameters: Array, at: int) -> tuple[float, float]:
-    """x̃ and how fast it follows x."""
+    """Return x̃ and its derivative by x."""
     low, high = parameters[at], parameters[at + 1]
     if low <= value <= high:
         return value, 1.0
@@ -217,7 +217,7 @@ def _outside(
 
 
 def shared(parameters: Array, share: float, axes: int) -> Array:
-    """Parameters of the law of so many axes whose only actuation is `share` times what it is told."""
+    """Return the parameters of the law of `axes` axes whose only actuation is `share` times the given one."""
     told = np.array(parameters, float)
     told[HEADER : HEADER + COORDINATE] /= share
     first, width = HEADER + COORDINATE * (1 + axes), 9 + axes

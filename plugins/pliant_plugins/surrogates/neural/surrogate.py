@@ -17,13 +17,20 @@ from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import Domain, LawRecord
 from pliant_plugins.surrogates.config import NeuralConfig
 from pliant_plugins.surrogates.neural.law import KIND, NeuralLaw
-from pliant_plugins.surrogates.neural.training import ResidualSystem, Scales, States, Stop, library, train
+from pliant_plugins.surrogates.neural.training import (
+    EarlyStopping,
+    ResidualSystem,
+    Scales,
+    States,
+    library,
+    train,
+)
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.states import effort_ranges, split
-from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.polynomial.system import one_axis_joint
 from pliant_plugins.surrogates.records import require_kind, stable_choice
 
-# Shares of decay that parameters are believed to have had before the states were seen; the likeliest is taken.
+# Candidates for the prior precision of parameters, as shares of the decay; the likeliest is taken.
 BELIEFS = tuple(10.0**-e for e in range(2, 11))
 # Misses grow less than the doubt does. Of 0.7, 0.8 and 1, bands of 28 bending designs hold 94, 91 and 84 % of states.
 STEEPNESS = 0.7
@@ -33,9 +40,9 @@ TINY = 1e-9  # of the range
 
 
 def error_bar(
-    states: States, scales: Scales, units: int, stop: Stop, misses: Array, part: NDArray[np.int64]
+    states: States, scales: Scales, units: int, stop: EarlyStopping, misses: Array, part: NDArray[np.int64]
 ) -> ErrorBar:
-    """The bar of a network from the misses (n, k) of those trained without the part (n,) that each state is in.
+    """Return the bar of a network from errors (n, k) of those trained without the part (n,) of each state.
 
     Laplace's approximation: parameters have the covariance (JᵀJ + Λ)⁻¹ about the network, J of the states it saw
     (MacKay, Neural Comput. 4, 1992). The size s of what it leaves open foretells the miss of a state left out as
@@ -65,11 +72,11 @@ def error_bar(
     assert best is not None
     _, sizes, scores = best
     reach = REACH * 2 * len(at) ** (-1 / d)
-    return ErrorBar.of_shape(box, at, sizes * scales.ranges, scores, reach)
+    return ErrorBar.from_shape(box, at, sizes * scales.ranges, scores, reach)
 
 
 def _sizes(torch: Any, jacobian: Any, decay: Any, values: Any) -> Array:
-    """(n, k) foretold sizes, but for a factor, of misses where τ has the derivatives `values` (n, k, q)."""
+    """Return (n, k) predicted sizes, up to a factor, of errors where τ has the derivatives `values` (n, k, q)."""
     normal = jacobian.T @ jacobian
     normal.diagonal().add_(decay)
     factor = torch.linalg.cholesky(normal)
@@ -87,11 +94,12 @@ class Neural(Surrogate):
     """Laws τ = −∂Π/∂u of a network Π(p, u), of one axis or of all that a joint has, of any inputs (`NeuralLaw`).
 
     torch trains the network (`training`); laws are loaded and evaluated by numpy. `FitReport.details` has the history
-    of the training, the residuals, and for one axis the errors of the study's form on the same states.
+    of the training, the residuals, and for one axis the errors of the published form on the same states.
     """
 
     couples = True
     several_actuations = True
+    gets_untrusted = True  # `states.split` judges them
     config: NeuralConfig
 
     def fit(self, data: FemDataset) -> FittedLaw:
@@ -103,7 +111,7 @@ class Neural(Surrogate):
         fit = states.fit
         points, tau = np.column_stack([fit.actuation, fit.angle_rad]), fit.moment_n_m[:, None]
         known = States(points, tau, fit.dmoment_dp[:, None], fit.dmoment_du[:, None, None])
-        named = {"axes": (data.axis,), "joint": joint_of(data), "actuation_name": data.actuation_name}
+        named = {"axes": (data.axis,), "joint": one_axis_joint(data), "actuation_name": data.actuation_name}
         law, details = self._trained(known, states.domain, effort_ranges(fit), named)
         return FittedLaw(law, scoring.report(law, states, details))
 
@@ -125,9 +133,9 @@ class Neural(Surrogate):
         return FittedLaw(law, scoring.report_axes(law, states, details, law.outside.largest_slope))
 
     def load(self, record: LawRecord) -> NeuralLaw:
-        """The law of a record that `NeuralLaw.record` wrote."""
+        """Return the law of a record that `NeuralLaw.record` wrote."""
         require_kind(record, KIND)
-        return NeuralLaw.of_record(record)
+        return NeuralLaw.from_record(record)
 
     def _trained(
         self, states: States, domain: Domain, ranges: Array, named: Mapping[str, Any]
@@ -138,7 +146,7 @@ class Neural(Surrogate):
         law's axes, joint and actuation_name.
         """
         units, seed = self.config.units, self.config.seed
-        scales = Scales.of(domain, ranges)
+        scales = Scales.from_domain(domain, ranges)
         n = len(states.tau)
         part = np.random.default_rng(seed).permutation(n) % min(FOLDS, n)
         # the first network sees all states, each other one does without a part
@@ -173,8 +181,8 @@ class Neural(Surrogate):
         }
 
 
-def _left_out(states: States, stop: Stop, part: NDArray[np.int64]) -> Array:
-    """(n, k) predicted minus true effort of each state by the network that did not see its part (n,)."""
+def _left_out(states: States, stop: EarlyStopping, part: NDArray[np.int64]) -> Array:
+    """Return (n, k) predicted minus true effort of each state by the network trained without its part (n,)."""
     misses = np.empty_like(states.tau)
     for fold, network in enumerate(stop.networks[1:]):
         out = part == fold

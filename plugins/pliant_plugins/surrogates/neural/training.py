@@ -18,7 +18,7 @@ from pliant_plugins.surrogates.neural.network import Network
 
 # As for polynomials: slopes are steeper than values, with equal weight they would rule the fit.
 SLOPE_WEIGHT = 0.2
-# Of the decay of a unit, that of the quadratic form: it is what a law is without units.
+# Decay of the quadratic form as a share of a unit's: it is the law without units.
 PLAIN = 0.01
 
 
@@ -44,8 +44,8 @@ class Scales:
     ranges: Array
 
     @staticmethod
-    def of(domain: Domain, ranges: Array) -> Scales:
-        """The scales of a box."""
+    def from_domain(domain: Domain, ranges: Array) -> Scales:
+        """Return the scales of a box."""
         box = domain.box
         return Scales(box.mean(axis=1), np.ptp(box, axis=1) / 2, ranges)
 
@@ -76,7 +76,7 @@ class ResidualSystem:
         self.upper = np.triu_indices(self.k)
         self.width = self.m + self.k + 2
         half, tau_unit = scales.half, scales.energy / scales.half[self.m :]
-        # second derivatives of Π that the data know: by p_j and u_i, by u_i and u_j
+        # second derivatives of Π in the data: by p_j and u_i, by u_i and u_j
         axes, inputs = np.tile(np.arange(self.k), self.m), np.repeat(np.arange(self.m), self.k)
         self.first = np.concatenate([inputs, self.m + self.upper[0]])
         self.second = np.concatenate([self.m + axes, self.m + self.upper[1]])
@@ -109,7 +109,7 @@ class ResidualSystem:
         self.share = as_tensor(share)
 
     def start(self, seed: int) -> Any:
-        """(g, q): the same random units; of each network the factors and the form that fit best with them."""
+        """Return (g, q) the same random units, with the factors and the form of each network that fit best."""
         torch, m = self.torch, self.units * self.width
         random = torch.Generator().manual_seed(seed)
         of_units = torch.zeros(self.units, self.width, dtype=torch.float64)
@@ -126,17 +126,17 @@ class ResidualSystem:
         return theta
 
     def values(self, theta: Any, points: Array) -> Any:
-        """(n, k, q) derivatives of τ, as shares of its range, at points (n, m + k), by one network's θ (q,)."""
+        """Return (n, k, q) derivatives of τ, as shares of its range, at points (n, m + k), by one network's θ (q,)."""
         torch, k = self.torch, self.k
         x = torch.from_numpy((points - self.scales.centre) / self.scales.half)
-        of_units = self._of_units(theta[None], x)[0]
+        of_units = self._unit_derivatives(theta[None], x)[0]
         plain = torch.from_numpy(self._plain(x.numpy())).reshape(len(of_units), -1)
         both = torch.cat([of_units, plain], dim=1).reshape(len(x), -1, len(self.share))[:, :k]
         shares = self.scales.energy / (self.scales.half[self.m :] * self.scales.ranges)
         return both * torch.from_numpy(shares)[:, None]
 
     def residual(self, theta: Any, which: Any = slice(None)) -> Any:
-        """(g, m) of what the data know, as shares of the effort's range; 0 for what a network does not see.
+        """Return (g, m) residuals of the data as shares of the effort's range; 0 for states that a network omits.
 
         `which` are the networks that θ (g, q) is of.
         """
@@ -146,13 +146,13 @@ class ResidualSystem:
         return (of_units + plain - self.wanted) * self.weights[which]
 
     def jacobian(self, theta: Any, which: Any = slice(None)) -> Any:
-        """(g, m, q) derivatives of `residual`: each unit by its own parameters only."""
-        of_units = self._of_units(theta, self.x)[:, self.known]
+        """Return (g, m, q) derivatives of `residual`: each unit by its own parameters only."""
+        of_units = self._unit_derivatives(theta, self.x)[:, self.known]
         plain = self.plain.expand(len(theta), -1, -1)
         return self.torch.cat([of_units, plain], dim=2) * self.weights[which][..., None]
 
     def network(self, theta: Any) -> Network:
-        """The network of one θ (q,) in SI."""
+        """Return the network of one θ (q,) in SI."""
         numbers, k, m, scales = theta.numpy(), self.k, self.m, self.scales
         end = self.units * self.width
         of_units = numbers[:end].reshape(self.units, self.width)
@@ -170,18 +170,18 @@ class ResidualSystem:
         return Network(weights, offsets, factors, effort, gains[:, 0] if m == 1 else gains, stiffness)
 
     def _units(self, theta: Any) -> Any:
-        """(g · units, width)."""
+        """Return units (g · units, width)."""
         return theta[:, : self.units * self.width].reshape(-1, self.width)
 
-    def _of_units(self, theta: Any, x: Any) -> Any:
-        """(g, n · r, units · width) derivatives of what `_unit` gives."""
+    def _unit_derivatives(self, theta: Any, x: Any) -> Any:
+        """Return (g, n · r, units · width) derivatives of `_unit`."""
         func = self.torch.func
         found = func.vmap(func.jacfwd(lambda one: self._unit(one, x).ravel()))(self._units(theta))
         found = found.reshape(len(theta), self.units, -1, self.width).transpose(1, 2)
         return found.reshape(len(theta), found.shape[1], -1)
 
     def _unit(self, theta: Any, x: Any) -> Any:
-        """(n, r) what one unit adds to τ, to ∂τ/∂p and to the upper triangle of ∂τ/∂u."""
+        """Return (n, r) contributions of one unit to τ, to ∂τ/∂p and to the upper triangle of ∂τ/∂u."""
         torch, d = self.torch, self.m + self.k
         w = theta[:d]
         z = x @ w + theta[d]
@@ -191,7 +191,7 @@ class ResidualSystem:
         return -theta[d + 1] * torch.cat([slopes, curvatures], dim=1)
 
     def _plain(self, x: Array) -> Array:
-        """(n, r, q) what the quadratic form adds to the same, by its q parameters."""
+        """Return (n, r, q) contributions of the quadratic form to the same, by its q parameters."""
         k, m = self.k, self.m
         rows = np.zeros((len(x), self.rows, self.rows))
         axes, of_upper = np.arange(k), (1 + m) * k
@@ -218,7 +218,7 @@ STALLED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
+class EarlyStopping:
     """Networks at one decay, one for each row of the mask of states that are seen.
 
     Attributes:
@@ -235,14 +235,16 @@ class Stop:
 
 
 def library() -> Any:
-    """torch; raises `MissingDependencyError` with the command that installs it."""
+    """Import torch; raise `MissingDependencyError` with the command that installs it."""
     return load_torch("surrogate 'neural' needs torch to fit a law, though not to load one")
 
 
-def train(states: States, scales: Scales, units: int, seed: int, seen: NDArray[np.bool_]) -> Iterator[Stop]:
-    """Networks of ever less decay, one for each row of `seen` (g, n), side by side.
+def train(
+    states: States, scales: Scales, units: int, seed: int, seen: NDArray[np.bool_]
+) -> Iterator[EarlyStopping]:
+    """Train networks with decreasing weight decay, one for each row of `seen` (g, n), in parallel.
 
-    Deterministic: one thread, a generator of its own, no global state left changed.
+    Deterministic: one thread, a separate generator, no change of global state.
     """
     torch = library()
     threads = torch.get_num_threads()
@@ -253,7 +255,7 @@ def train(states: States, scales: Scales, units: int, seed: int, seen: NDArray[n
         torch.set_num_threads(threads)
 
 
-def _train(torch: Any, system: ResidualSystem, seed: int) -> Iterator[Stop]:
+def _train(torch: Any, system: ResidualSystem, seed: int) -> Iterator[EarlyStopping]:
     theta = system.start(seed)
     damping = torch.full((len(theta),), DAMPING, dtype=torch.float64)
     steps = torch.zeros(len(theta), dtype=torch.int64)
@@ -268,7 +270,7 @@ def _train(torch: Any, system: ResidualSystem, seed: int) -> Iterator[Stop]:
                 break
         residuals = torch.linalg.vector_norm(system.residual(theta), dim=1)
         networks = tuple(system.network(one) for one in theta)
-        yield Stop(decay, networks, residuals.numpy(), steps.numpy().copy(), theta.numpy().copy())
+        yield EarlyStopping(decay, networks, residuals.numpy(), steps.numpy().copy(), theta.numpy().copy())
 
 
 def _step(torch: Any, system: ResidualSystem, theta: Any, damping: Any, weight: Any, going: Any) -> Any:
@@ -300,5 +302,5 @@ def _step(torch: Any, system: ResidualSystem, theta: Any, damping: Any, weight: 
 
 
 def _loss(residual: Any, theta: Any, weight: Any) -> Any:
-    """(g,) loss of every group."""
+    """Return (g,) loss of every group."""
     return (residual * residual).sum(dim=1) + (weight * theta * theta).sum(dim=1)

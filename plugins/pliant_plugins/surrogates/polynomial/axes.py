@@ -62,7 +62,7 @@ class AxesLaw(JointLaw):
             object.__setattr__(self, "error", BarsOfAxes(bars))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, 3), ∂τ/∂p (n, 3) and the diagonal ∂τ/∂u (n, 3, 3) for deformation (n, 3)."""
+        """Return τ (n, 3), ∂τ/∂p (n, 3) and the diagonal ∂τ/∂u (n, 3, 3) for deformation (n, 3)."""
         u = np.asarray(deformation, float)
         each = [law.evaluate(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)]
         slopes = np.zeros((len(u), 3, 3))
@@ -75,18 +75,18 @@ class AxesLaw(JointLaw):
         )
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form."""
+        """Return Π(p, u) − Π(p, 0) in J, shape (n,), in closed form."""
         u = np.asarray(deformation, float)
         return np.sum([law.potential(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)], axis=0)
 
     def scalar(self) -> ScalarLaw:
-        """The same law for compiled engines."""
+        """Return the law as a scalar function for compiled engines."""
         each = [scalar for law in self.laws if (scalar := law.scalar()) is not None]
         parameters = np.concatenate([scalar.parameters for scalar in each])
         return ScalarLaw(each[0].function, parameters, each[0].shared)
 
     def record(self) -> LawRecord:
-        """The records of the axes, their names led by the axis."""
+        """Return the records of the axes, their names led by the axis."""
         records = {axis: law.record() for axis, law in zip(AXES, self.laws, strict=True)}
         values = {
             "joint": self.joint,
@@ -102,10 +102,10 @@ class AxesLaw(JointLaw):
         return LawRecord(records[AXES[0]].kind, values, arrays)
 
     @staticmethod
-    def of_record(
-        record: LawRecord, of_axis: Callable[[LawRecord], JointLaw] = PolynomialLaw.of_record
+    def from_record(
+        record: LawRecord, of_axis: Callable[[LawRecord], JointLaw] = PolynomialLaw.from_record
     ) -> AxesLaw:
-        """The law of a record, the laws of its axes made by `of_axis`; both evaluate to the same bits."""
+        """Return the law of a record, identical bit for bit, its axes' laws made by `of_axis`."""
 
         def one(axis: str) -> JointLaw:
             start = f"{axis}_"
@@ -116,39 +116,41 @@ class AxesLaw(JointLaw):
 
 
 class AxesSurrogate(Surrogate):
-    """A surrogate whose config may have `axes`, each with a surrogate of the same kind (`of_axes`)."""
+    """A surrogate whose config may have `axes`, each with a surrogate of the same kind (`axis_surrogates`)."""
 
     @abstractmethod
-    def of_axes(self) -> Mapping[str, Surrogate]:
-        """The surrogates of the axes x, y, z; none where the config has no `axes`."""
+    def axis_surrogates(self) -> Mapping[str, Surrogate]:
+        """Build the surrogates of the axes x, y, z; none if the config has no `axes`."""
 
     def tables(self) -> dict[str, Path]:
-        """The table of the law, or of each axis that has one."""
+        """Return the table of the law, or of each axis that has one."""
         own = dict(super().tables())
-        return own or {axis: path for axis, one in self.of_axes().items() for path in one.tables().values()}
+        return own or {
+            axis: path for axis, one in self.axis_surrogates().items() for path in one.tables().values()
+        }
 
     def needs_fem(self) -> bool:
-        """Whether the law, or one of its axes, is neither stated nor has a table."""
-        each = self.of_axes().values()
+        """Return whether the law, or one of its axes, is neither stated nor has a table."""
+        each = self.axis_surrogates().values()
         return any(one.needs_fem() for one in each) if each else super().needs_fem()
 
     def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
-        """The law of one axis, or of three: each stated, fitted to its table, or to the FEM states.
+        """Return the law of one axis, or of three: each stated, fitted to its table, or to the FEM states.
 
         Where the FEM stage has three axes and the config does not name them, all are fitted alike.
         """
-        if each := self.of_axes():
+        if each := self.axis_surrogates():
             return fit_each(each, data)
         return self.fit(data[""]) if "" in data else fit_each(dict.fromkeys(AXES, self), data)
 
 
 FEM = ""
-# Of each axis's own report; the rest of it stands under `axes`.
+# Keys of each axis's report that are merged; the others are under `axes`.
 SCORES = ("n_fitted", "n_heldout", "rmse", "worst", "worst_of_range", "r2", "effort_range")
 
 
 def axes_law(laws: Mapping[str, JointLaw | None]) -> AxesLaw:
-    """The law of laws by axis."""
+    """Return the law of three axes from laws by axis."""
     x, y, z = (laws[axis] for axis in AXES)
     assert x is not None and y is not None and z is not None
     return AxesLaw((x, y, z))
@@ -168,15 +170,15 @@ def fit_each(axes: Mapping[str, Surrogate], data: Mapping[str, FemDataset]) -> F
             laws[axis] = stated
             continue
         try:
-            fitted = surrogate.fit(_of_axis(axis, data))
+            fitted = surrogate.fit(_axis_data(axis, data))
         except UserError as error:
             raise UserError(f"axis {axis}: {error}") from None
         laws[axis], reports[axis] = fitted.law, fitted.report
     return FittedLaw(axes_law(laws), _together(reports))
 
 
-def _of_axis(axis: str, data: Mapping[str, FemDataset]) -> FemDataset:
-    """The axis's own table, whatever axis it says, or the FEM states of that axis."""
+def _axis_data(axis: str, data: Mapping[str, FemDataset]) -> FemDataset:
+    """Return the axis's own table, whatever axis it names, or the FEM states of that axis."""
     if axis in data:
         return replace(data[axis], axis=axis)
     if FEM not in data:
@@ -189,7 +191,7 @@ def _of_axis(axis: str, data: Mapping[str, FemDataset]) -> FemDataset:
 
 
 def _together(reports: Mapping[str, FitReport]) -> FitReport:
-    """Errors over all states of all fitted axes; `worst_of_range` and `r2` are those of the worst axis."""
+    """Combine errors over all states of all fitted axes; `worst_of_range` and `r2` are those of the worst axis."""
     each = list(reports.values())
     n = np.array([report.n_heldout for report in each])
     details: dict[str, Any] = {

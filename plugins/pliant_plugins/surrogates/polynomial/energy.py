@@ -30,7 +30,7 @@ class EnergyBasis:
     deformation_map: Array
 
     def derivative(self, actuation: Array, deformation: Array, orders: tuple[int, ...]) -> Array:
-        """(n, m) derivatives of all terms; `orders` (1 + k) says how often by p and by each u, e.g. (1, 1) is ∂p∂u."""
+        """Return (n, m) derivatives of all terms; `orders` (1 + k) by p and by each u, e.g. (1, 1) is ∂p∂u."""
         coordinates = np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
         maps = np.vstack([self.actuation_map, self.deformation_map])
         out = np.ones((len(coordinates), len(self.exponents)))
@@ -46,7 +46,7 @@ class EnergyBasis:
 
 
 def unit(coordinates: int, *places: int) -> tuple[int, ...]:
-    """Orders of a derivative of a function of so many coordinates, once by each place: actuations come first."""
+    """Return the orders of a derivative by the coordinates at `places`, once by each; actuations come first."""
     orders = np.zeros(coordinates, int)
     for place in places:
         orders[place] += 1
@@ -70,7 +70,7 @@ class Main:
 
 
 @dataclass(frozen=True)
-class Coupling:
+class CoupledTerms:
     """Terms with lateral axes: exponents i, j and l with i/`actuation` + j/`main` + Σ l/`lateral` ≤ 1."""
 
     actuation: int
@@ -80,33 +80,33 @@ class Coupling:
 
 
 def main_sets(max_main: int) -> list[Main]:
-    """All sets of the main axis, small ones first."""
+    """Return all sets of terms of the main axis, small ones first."""
     found = [
         Main(max(1, round(share * top)), top) for top in range(2, max_main + 1) for share in ACTUATION_SHARES
     ]
     return list(dict.fromkeys(found))
 
 
-def coupling_sets(parity: Parity, max_main: int) -> list[Coupling]:
-    """All sets of lateral axes of one parity, small ones first."""
+def coupling_sets(parity: Parity, max_main: int) -> list[CoupledTerms]:
+    """Return all sets of terms of lateral axes of one parity, small ones first."""
     mains = range(2, max_main + 1, 2)
     found = [
-        Coupling(max(1, round(share * top)), top, lateral, parity)
+        CoupledTerms(max(1, round(share * top)), top, lateral, parity)
         for top, lateral, share in product(mains, LATERAL_DEGREES, ACTUATION_SHARES)
         if lateral <= max(top, 4)
     ]
     return list(dict.fromkeys(found))
 
 
-def terms_of(sets: Sequence[Main | Coupling], axes: int, main: int, with_rest: bool) -> Exponents:
-    """(m, 1 + k) exponents; `with_rest` keeps terms of the actuation alone, which have no effort."""
+def merge_exponents(sets: Sequence[Main | CoupledTerms], axes: int, main: int, with_rest: bool) -> Exponents:
+    """Return (m, 1 + k) exponents; `with_rest` keeps terms of the actuation alone, which have no effort."""
     exponents = np.concatenate([_terms(one, axes, main) for one in sets])
     return exponents if with_rest else exponents[exponents[:, 1:].any(axis=1)]
 
 
-def _terms(one: Main | Coupling, axes: int, main: int) -> Exponents:
+def _terms(one: Main | CoupledTerms, axes: int, main: int) -> Exponents:
     lateral = [1 + k for k in range(axes) if k != main]
-    top = one.lateral if isinstance(one, Coupling) else 0
+    top = one.lateral if isinstance(one, CoupledTerms) else 0
     tops = [one.actuation, *(one.main if k == main else top for k in range(axes))]
     grid = np.indices([top + 1 for top in tops]).reshape(len(tops), -1).T
     beside: Array = grid[:, lateral].sum(axis=1)

@@ -18,12 +18,12 @@ from pliant.records.law import Domain, JointLaw
 from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw
 from pliant_plugins.surrogates.polynomial.energy import (
     PARITIES,
-    Coupling,
+    CoupledTerms,
     Exponents,
     Main,
     coupling_sets,
     main_sets,
-    terms_of,
+    merge_exponents,
 )
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyPolynomialLaw
 from pliant_plugins.surrogates.polynomial.energy_system import EnergySolution, EnergySystem, error_bar
@@ -32,7 +32,7 @@ from pliant_plugins.surrogates.polynomial.scoring import report_axes
 from pliant_plugins.surrogates.polynomial.states import MINIMUM_STATES, Mask, effort_ranges, split
 from pliant_plugins.surrogates.records import affordable, stable_choice
 
-# Degrees that are tried beside the largest of an energy: less, as many, more.
+# Degrees that are tried relative to the largest of an energy: lower, equal, higher.
 DEGREES = (-5, -1, 3)
 LEAST_DEGREE = 2
 # Of the states left out, those that are missed most do not choose: on the box's border they show extrapolation.
@@ -43,13 +43,13 @@ ALIKE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """Three laws by themselves.
+    """Three independent laws of one axis each.
 
     Attributes:
         misses: (n, 3) predicted minus true τ: of states that explore an axis, that axis' τ with the state left out;
-            of states that hold several, all τ, for they are never fitted; NaN elsewhere.
-        terms: how many free terms the three laws are worth.
-        largest_slope: of ∂τ/∂u over the three boxes, N·m/rad: below zero where all are stable.
+            of states with several axes deflected, all τ, since they are never fitted; NaN elsewhere.
+        terms: effective number of free terms of the three laws.
+        largest_slope: of ∂τ/∂u over the three boxes, N·m/rad: below zero if all are stable.
     """
 
     law: AxesLaw
@@ -60,7 +60,7 @@ class Apart:
 
 
 def fit_apart(data: ModuleData, max_main: int) -> Apart | None:
-    """Each axis from the states that explore it, all others being free there; None where that cannot be done."""
+    """Fit each axis to the states that explore it, all others being free there; None if that is impossible."""
     if data.axes != AXES or data.joint != "spherical":
         return None
     misses, chosen = np.full(data.tau.shape, np.nan), {}
@@ -90,13 +90,13 @@ def fit_apart(data: ModuleData, max_main: int) -> Apart | None:
 
 
 def left_out(one: Candidate) -> Array:
-    """(n,) predicted minus true τ of each state left out in turn; NaN where the others do not determine it."""
+    """Return (n,) leave-one-out errors of τ, predicted minus true; NaN if the others do not determine it."""
     own = one.posterior
     return -own.misses() * own.system.range
 
 
 def quality(misses: Array, data: ModuleData, ranges: Array) -> dict[str, float]:
-    """RMS miss over the range, by axis over the states that explore it, and over those that hold several."""
+    """Return RMS errors over the range, by axis over the states that explore it, and over those of several."""
     shares = (misses / ranges) ** 2
     groups: dict[str, Array] = {}
     for k, axis in enumerate(data.axes):
@@ -106,14 +106,14 @@ def quality(misses: Array, data: ModuleData, ranges: Array) -> dict[str, float]:
 
 
 def compared(one: dict[str, float], other: dict[str, float]) -> float:
-    """How many times larger the errors of `one` are, in the geometric mean over the groups that both have."""
+    """Return the ratio of the errors of `one` to those of `other`, the geometric mean over their common groups."""
     common = [name for name in one if name in other]
     logs = [np.log((one[name] + ALIKE) / (other[name] + ALIKE)) for name in common]
     return float(np.exp(np.mean(logs))) if logs else np.inf
 
 
-def choice_of(apart: Apart, found: dict[str, float]) -> dict[str, Any]:
-    """What a report says of these laws."""
+def choice_report(apart: Apart, found: dict[str, float]) -> dict[str, Any]:
+    """Return the report's entries on these laws."""
     several = np.isfinite(apart.misses).all(axis=1)
     return {
         "form": "axes apart",
@@ -127,7 +127,7 @@ def choice_of(apart: Apart, found: dict[str, float]) -> dict[str, Any]:
 
 
 def _best(own: FemDataset, max_main: int) -> Candidate:
-    """Of several largest degrees the one that misses states left out least, stable if that costs little."""
+    """Fit several largest degrees; return the fit with the least leave-one-out error, a stable one if similar."""
     side = np.array([[own.angle_rad.min(), own.angle_rad.max()]])
     domain = Domain(np.array([own.actuation.min(), own.actuation.max()]), side)
     degrees = sorted({max(LEAST_DEGREE, max_main + more) for more in DEGREES})
@@ -142,7 +142,7 @@ def _trimmed(squares: Array) -> float:
     return float(np.sqrt(known[: max(1, int(COUNTED * len(known)))].mean())) if len(known) else np.inf
 
 
-# More terms than this share of the equations are never worth while.
+# Sets with more terms than this share of the equations are not tried.
 MOST_TERMS = 0.5
 # Weight of states of the main axis alone where they determine its terms by themselves.
 MAIN_FIRST = 30.0
@@ -164,7 +164,7 @@ class EnergyCandidate:
     Places of the main axis alone and others count alike in `rmse`.
     """
 
-    sets: tuple[Main | Coupling, ...]
+    sets: tuple[Main | CoupledTerms, ...]
     terms: Exponents
     rmse: float
     rmse_se: float
@@ -177,7 +177,7 @@ class EnergyCandidate:
 
 
 def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> FittedLaw:
-    """One law of all axes, fitted to every trusted state of role "fit"; scored on states of role "check".
+    """Fit one law of all axes to every trusted state of role "fit"; score it on states of role "check".
 
     Three laws by themselves take the energy's place where they miss states left out less (`compared`), unless only
     the energy is stable. They hold for
@@ -194,25 +194,25 @@ def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> Fit
     unstable = apart is not None and apart.largest_slope >= 0 > chosen.largest_slope()
     if apart is not None and not unstable and compared(together, by_itself) > 1:
         law: JointLaw = apart.law
-        choice = {**choice_of(apart, by_itself), **beside}
+        choice = {**choice_report(apart, by_itself), **beside}
         return FittedLaw(law, report_axes(law, states, choice, apart.largest_slope))
     error = error_bar(system, chosen.terms, chosen.solution)
     law = replace(
-        law_of(system, chosen.terms, chosen.solution.coefficients).pruned(system.ranges), error=error
+        build_law(system, chosen.terms, chosen.solution.coefficients).pruned(system.ranges), error=error
     )
     choice = {**_choice(chosen, candidates, system), "terms_kept": len(law.coefficients), **beside}
     return FittedLaw(law, report_axes(law, states, choice, chosen.largest_slope()))
 
 
 def choose(system: EnergySystem, max_main: int) -> tuple[EnergyCandidate, list[EnergyCandidate]]:
-    """The chosen candidate and all that were tried with lateral terms (all, of one axis).
+    """Choose the terms; return the chosen candidate and all that were tried with lateral terms (all, of one axis).
 
-    First the terms of the main axis alone, by the states that hold or free only that; then, beside them, those of
-    lateral axes by all states. Each time the fewest terms win whose error is within one standard error of the
-    smallest, among stable laws if one of them is about as good. Where lateral terms cannot follow what happens
-    beside the main axis, its own states weigh more, if that is better on places left out. Evenness in every lateral
-    axis is given up only where a set without it is better by more than its own standard error. Raises `UserError`
-    where no set is determined.
+    First the terms of the main axis are chosen with the states that deflect only that axis, then those of lateral axes
+    with all states. In both steps the fewest terms are taken whose error is within one standard error of the smallest,
+    among stable laws if one of them is about as good. If lateral terms fit poorly off the main axis, the states of the
+    main axis get a larger weight, provided that this reduces the error at left-out places. Evenness in every lateral
+    axis is dropped only if a set without it is better by more than its standard error. Raises `UserError` if no set is
+    determined.
     """
     data = system.data
     main = data.axes.index(data.main_axis)
@@ -237,9 +237,9 @@ def choose(system: EnergySystem, max_main: int) -> tuple[EnergyCandidate, list[E
 
 
 def _with_lateral(
-    system: EnergySystem, base: tuple[Main | Coupling, ...], max_main: int
+    system: EnergySystem, base: tuple[Main | CoupledTerms, ...], max_main: int
 ) -> tuple[EnergyCandidate | None, list[EnergyCandidate]]:
-    """The best set of lateral terms beside those of the main axis, and all that were tried."""
+    """Return the best set of lateral terms added to those of the main axis, and all that were tried."""
     data = system.data
     symmetric = all(system.deformation_map[k, 0] == 0 for k, a in enumerate(data.axes) if a != data.main_axis)
     chosen: EnergyCandidate | None = None
@@ -247,7 +247,7 @@ def _with_lateral(
     for parity in PARITIES if symmetric else PARITIES[-1:]:
         if chosen is not None:
             last = chosen.sets[-1]
-            assert isinstance(last, Coupling)
+            assert isinstance(last, CoupledTerms)
             wider = _tried(system, [(*base, replace(last, parity=parity))])
             if not any(_better(one, chosen) for one in wider):
                 continue
@@ -258,8 +258,8 @@ def _with_lateral(
     return chosen, candidates
 
 
-def law_of(system: EnergySystem, terms: Exponents, coefficients: Array) -> EnergyPolynomialLaw:
-    """The law of a solution, without its terms of the actuation alone."""
+def build_law(system: EnergySystem, terms: Exponents, coefficients: Array) -> EnergyPolynomialLaw:
+    """Return the law of a solution, without its terms of the actuation alone."""
     data, kept = system.data, terms[:, 1:].any(axis=1)
     return EnergyPolynomialLaw(
         system.basis(terms[kept]),
@@ -272,12 +272,12 @@ def law_of(system: EnergySystem, terms: Exponents, coefficients: Array) -> Energ
 
 
 def _tried(
-    system: EnergySystem, sets: Sequence[tuple[Main | Coupling, ...]], only: int | None = None
+    system: EnergySystem, sets: Sequence[tuple[Main | CoupledTerms, ...]], only: int | None = None
 ) -> list[EnergyCandidate]:
-    """Candidates of those sets that the states determine; `only` scores, and keeps stable, one axis."""
+    """Return candidates of those sets that the states determine; `only` scores, and keeps stable, one axis."""
     data = system.data
     main = data.axes.index(data.main_axis)
-    terms = [terms_of(one, len(data.axes), main, system.with_energy) for one in sets]
+    terms = [merge_exponents(one, len(data.axes), main, system.with_energy) for one in sets]
     known = (data.tau, data.dtau_dp, data.dtau_du)
     equations = sum(int(np.isfinite(values).sum()) for values in known)
     fitting = [(one, t) for one, t in zip(sets, terms, strict=True) if len(t) <= MOST_TERMS * equations]
@@ -296,13 +296,13 @@ def _tried(
         ]
         rmse = float(np.sqrt(np.mean([square for square, _ in parts])))
         spread = float(np.sqrt(np.sum([se**2 for _, se in parts]))) / len(parts)
-        slope = partial(largest_slope, law_of(system, t, solution.coefficients), only)
+        slope = partial(largest_slope, build_law(system, t, solution.coefficients), only)
         found.append(EnergyCandidate(one, t, rmse, spread / (2 * rmse) if rmse else 0.0, solution, slope))
     return found
 
 
 def _left_out(system: EnergySystem, squares: Array, part: Mask) -> tuple[float, float]:
-    """Mean over the places of a part of the states, the most missed of them left aside, and its standard error."""
+    """Return the trimmed mean error over the places of a part of the states, and its standard error."""
     _, place = np.unique(system.places[part], return_inverse=True)
     of_place = np.sort(np.bincount(place, squares[part]) / np.bincount(place))
     counted = of_place[: max(1, int(COUNTED * len(of_place)))]
@@ -314,7 +314,7 @@ def _better(one: EnergyCandidate, other: EnergyCandidate) -> bool:
 
 
 def _fewest(candidates: list[EnergyCandidate]) -> EnergyCandidate:
-    """The one-standard-error rule among laws that are stable over the box, if one of them is about as good."""
+    """Apply the one-standard-error rule among laws stable over the box, if one of them is about as good."""
     by_error = sorted(candidates, key=lambda c: c.rmse)
     near = (c for c in by_error if c.rmse <= affordable(by_error[0].rmse))
     stable = next((c for c in near if c.largest_slope() < 0), None)
@@ -326,7 +326,7 @@ def _fewest(candidates: list[EnergyCandidate]) -> EnergyCandidate:
 
 
 def largest_slope(law: EnergyPolynomialLaw, only: int | None = None) -> float:
-    """Largest eigenvalue of ∂τ/∂u on a grid of the law's domain, N·m/rad: below zero where the law is stable.
+    """Return the largest eigenvalue of ∂τ/∂u on a grid of the domain, N·m/rad: below zero for a stable law.
 
     With `only`, ∂τ/∂u of that axis while the others are held at zero.
     """
@@ -342,7 +342,7 @@ def largest_slope(law: EnergyPolynomialLaw, only: int | None = None) -> float:
 def _choice(
     chosen: EnergyCandidate, candidates: list[EnergyCandidate], system: EnergySystem
 ) -> dict[str, Any]:
-    """The chosen degrees and the table they were chosen from; errors are shares of the efforts' ranges."""
+    """Return the chosen degrees and the table they were chosen from; errors are shares of the efforts' ranges."""
     table = [
         {
             **_degrees(c),
@@ -367,11 +367,11 @@ def _choice(
 
 
 def _degrees(one: EnergyCandidate) -> dict[str, Any]:
-    """Degrees of the energy; that of τ is one less."""
+    """Return degrees of the energy; that of τ is one less."""
     own = one.sets[0]
     found: dict[str, Any] = {"degree": own.main, "actuation_degree": own.actuation}
     for beside in one.sets[1:]:
-        assert isinstance(beside, Coupling)
+        assert isinstance(beside, CoupledTerms)
         found["coupled_degree"], found["coupled_actuation_degree"] = beside.main, beside.actuation
         found["lateral_degree"], found["even_in_lateral_axes"] = beside.lateral, beside.parity
     return found

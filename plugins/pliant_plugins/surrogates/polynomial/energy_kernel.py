@@ -25,7 +25,7 @@ from pliant.records.design import Array
 AXES = 8
 GAINS = AXES + 18
 HEADER = GAINS + 6
-# Stands for "without limit", so that parameters are finite numbers.
+# Represents "without limit", so that parameters are finite numbers.
 UNBOUNDED = 1e300
 
 
@@ -55,7 +55,7 @@ def energy_and_slopes(
 ) -> tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float
 ]:  # fmt: skip
-    """Π up to a function of p, then τ, ∂τ/∂p, and ∂τ/∂u as xx, xy, xz, yy, yz, zz."""
+    """Return Π up to a function of p, then τ, ∂τ/∂p, and ∂τ/∂u as xx, xy, xz, yy, yz, zz."""
     monomials, columns = int(parameters[0] + 0.5), int(parameters[1] + 0.5)
     p = min(max(actuation, parameters[4]), parameters[5])
     over = actuation - p
@@ -128,7 +128,7 @@ def energy_and_slopes(
 def _axis(
     u: float, start: int, parameters: Array
 ) -> tuple[float, float, float, float, float, float, float, float]:
-    """v at the border, the excess in v; bent v, its first two derivatives by u; the bowl and its derivatives."""
+    """Return v at the border, the excess in v; bounded v, its derivatives by u; the bowl and its derivatives."""
     inside = min(max(u, parameters[start + 2]), parameters[start + 3])
     scale, limit = parameters[start + 1], parameters[start + 4]
     v, over = (inside - parameters[start]) / scale, u - inside
@@ -152,7 +152,7 @@ def _axis(
 
 
 def _bent_power(s: float, rate: float, bend: float, power: float) -> tuple[float, float, float]:
-    """s^j and its first two derivatives by u, where s(u) has the derivatives `rate` and `bend`."""
+    """Return s^j and its first two derivatives by u, where s(u) has the derivatives `rate` and `bend`."""
     if power < 0.5:
         return 1.0, 0.0, 0.0
     if power < 1.5:
@@ -165,7 +165,7 @@ def _bent_power(s: float, rate: float, bend: float, power: float) -> tuple[float
 
 
 def _straight_power(v: float, over: float, scale: float, power: float) -> tuple[float, float, float]:
-    """v^j, continued from the border by its second-order Taylor polynomial, and its derivatives by u."""
+    """Return v^j, continued from the border by its second-order Taylor polynomial, and its derivatives by u."""
     if power < 1.5:
         return v + over, 1.0 / scale, 0.0
     low = 1.0
@@ -185,7 +185,7 @@ def one_by_one(at: Array, parameters: Array, out: Array) -> None:
 
 
 def shared(parameters: Array, share: float) -> Array:
-    """Parameters of the law whose actuation is `share` times what it is told."""
+    """Return the parameters of the law whose actuation is `share` times the given one."""
     told = np.array(parameters, float)
     acting = told[2:AXES]  # p₀, p₁, the box and the reaches in p
     told[2:AXES] = np.where(np.abs(acting) >= UNBOUNDED, acting, acting / share)
@@ -270,7 +270,7 @@ def inside(at: Array, maps: Array, powers: NDArray[np.int64], table: Array, out:
 
 
 def evaluate(actuation: Array, deformation: Array, parameters: Array) -> Array:
-    """(n, 13) what `energy_and_slopes` gives for p (n,) and u (n, k), to rounding."""
+    """Return (n, 13) the results of `energy_and_slopes` for p (n,) and u (n, k), up to rounding."""
     n = len(actuation)
     at = np.zeros((n, 4))
     at[:, 0], at[:, 1 : 1 + deformation.shape[1]] = actuation, deformation
@@ -282,7 +282,7 @@ def evaluate(actuation: Array, deformation: Array, parameters: Array) -> Array:
     table = np.ascontiguousarray(rows[:, 4:])
     powers = np.round(rows[:, 1:4]).astype(np.int64)
     out = np.empty((n, COLUMNS))
-    outside = ~np.all((at >= low) & (at <= high), axis=1)  # what is not a number too
+    outside = ~np.all((at >= low) & (at <= high), axis=1)  # also NaN
     if not outside.any():
         inside(at, maps, powers, table, out)
         return out
@@ -296,7 +296,7 @@ def evaluate(actuation: Array, deformation: Array, parameters: Array) -> Array:
 
 @cache
 def _one_by_one() -> Any:
-    """The compiled loop over points: its cache on disk is of this file, which has all that it calls."""
+    """Loop over points, compiled: its disk cache depends on this file, which has all that it calls."""
     for helper in (_axis, _bent_power, _straight_power, energy_and_slopes):
         register_jitable(helper)
     return njit(cache=True, error_model="numpy")(one_by_one)

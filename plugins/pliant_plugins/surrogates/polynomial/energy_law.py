@@ -21,7 +21,7 @@ from pliant_plugins.surrogates.polynomial.energy_kernel import (
     shared,
 )
 from pliant_plugins.surrogates.polynomial.law import KIND, monomials
-from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
+from pliant_plugins.surrogates.records import float_arrays, law_record, shared_fields
 
 # A continuation leaves at least this share of the border's stiffness.
 STIFFNESS_SHARE = 0.5
@@ -50,14 +50,14 @@ class EnergyContinuation:
 
 
 def packed(basis: EnergyBasis, coefficients: Array, box: Array, how: EnergyContinuation) -> Array:
-    """The parameters of `energy_kernel.energy_effort`; box (1 + k, 2). Terms of p alone are left out."""
+    """Return the parameters of `energy_kernel.energy_effort`; box (1 + k, 2). Terms of p alone are left out."""
     k, exponents = len(box) - 1, basis.exponents
     axes = np.tile([0.0, 1.0, -UNBOUNDED, UNBOUNDED, 1.0, 0.0], (3, 1))
     axes[:k] = np.column_stack([basis.deformation_map, box[1:], how.reach_u, how.bowls])
     reference = np.zeros((2, 3))
     reference[:, :k] = how.gains
     columns = int(exponents[:, 0].max(initial=0)) + 1
-    monomials, place = _monomials_of(exponents[:, 1:].astype(np.int64).tobytes(), len(exponents), k)
+    monomials, place = _distinct_monomials(exponents[:, 1:].astype(np.int64).tobytes(), len(exponents), k)
     table = np.zeros((len(monomials), columns))
     np.add.at(table, (place, exponents[:, 0]), coefficients)
     rows = np.column_stack([monomials, table])[monomials.any(axis=1)]
@@ -67,10 +67,11 @@ def packed(basis: EnergyBasis, coefficients: Array, box: Array, how: EnergyConti
 
 
 @lru_cache(maxsize=64)
-def _monomials_of(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.int64]]:
-    """Of terms with exponents of u (terms, k): whether coupled, exponents of u₁ … u₃, of each monomial; its terms.
+def _distinct_monomials(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return the monomials (coupled or not, exponents of u₁ … u₃) of terms with exponents (terms, k) of u, and their
+    terms.
 
-    Laws of one form, of which a search packs thousands, differ in coefficients only.
+    The result is cached: laws of one form, of which a search packs thousands, differ in coefficients only.
     """
     exponents = np.zeros((terms, 3), np.int64)
     exponents[:, :k] = np.frombuffer(powers, np.int64).reshape(terms, k)
@@ -80,7 +81,7 @@ def _monomials_of(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.
 
 
 def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> EnergyContinuation:
-    """The smallest bowls, and then the reaches in p, with which half of the border's stiffness remains outside.
+    """Return the smallest bowls, then reaches in p, with which half of the border's stiffness remains outside.
 
     Where the law is unstable on its border there is nothing to protect: bowls are those of a stable law's size.
     """
@@ -99,7 +100,7 @@ def continuation(basis: EnergyBasis, coefficients: Array, box: Array) -> EnergyC
 
 
 def stiffness(parameters: Array, actuation: list[float], places: Array) -> Array:
-    """(n, k, k) −∂τ/∂u at all places (m, k) under each of the actuations."""
+    """Return (n, k, k) −∂τ/∂u at all places (m, k) under each of the actuations."""
     k = places.shape[1]
     p = np.repeat(actuation, len(places))
     found = evaluate(p, np.tile(places, (len(actuation), 1)), parameters)
@@ -114,7 +115,7 @@ def _with_bowls(
     at_p: list[float],
     plain: EnergyContinuation,
 ) -> EnergyContinuation:
-    """The continuation with bowls, all in proportion to the typical stiffness of their axis."""
+    """Return the continuation with bowls, all in proportion to the typical stiffness of their axis."""
     k = len(half)
     inner = stiffness(packed(basis, coefficients, box, plain), at_p, _places(box, half, ()))
     typical = np.median(np.abs(np.diagonal(inner, axis1=1, axis2=2)), axis=0)
@@ -134,7 +135,7 @@ def _with_bowls(
 
 
 def _smallest(matrices: Array, diagonals: Array) -> float | None:
-    """The smallest factor, within a few per cent, that makes matrices + factor · diagonals positive definite."""
+    """Return the smallest factor, within a few per cent, that makes matrices + factor · diagonals positive."""
     if _definite(matrices, 0.0 * diagonals):
         return 0.0
     sizes = FIRST * 2.0 ** np.arange(DOUBLINGS)
@@ -149,12 +150,12 @@ def _smallest(matrices: Array, diagonals: Array) -> float | None:
 
 
 def _definite(matrices: Array, diagonals: Array) -> bool:
-    """Whether all symmetric matrices (n, k, k) with diagonals (n, k) added are positive definite."""
+    """Return whether all symmetric matrices (n, k, k) with diagonals (n, k) added are positive definite."""
     return bool(np.all(_each_definite(matrices, diagonals)))
 
 
 def _each_definite(matrices: Array, diagonals: Array) -> NDArray[np.bool_]:
-    """(n,) which of symmetric matrices (n, k, k), k ≤ 3, with diagonals (n, k) added are; by leading minors."""
+    """Return (n,) which of symmetric (n, k, k) + diagonals (n, k), k ≤ 3, are definite, by leading minors."""
     d = [matrices[:, i, i] + diagonals[:, i] for i in range(diagonals.shape[1])]
     found: NDArray[np.bool_] = d[0] > 0
     if len(d) > 1:
@@ -168,7 +169,7 @@ def _each_definite(matrices: Array, diagonals: Array) -> NDArray[np.bool_]:
 
 
 def _places(box: Array, steps: Array, beyond: tuple[float, ...]) -> Array:
-    """(m, k) a grid over the box in u, and so many steps (k,) outside it."""
+    """Return a grid (m, k) over the box in u and points outside it at multiples `beyond` of `steps` (k,)."""
     low, high = np.clip(box[1:], -np.pi, np.pi).T[:, :, None]
     outside = np.asarray(steps)[:, None] * np.array(beyond)
     inside = np.linspace(low[:, 0], high[:, 0], 3 if len(box) > 2 else 65, axis=1)
@@ -178,12 +179,12 @@ def _places(box: Array, steps: Array, beyond: tuple[float, ...]) -> Array:
 
 @cache
 def _grid(levels: int, axes: int) -> NDArray[np.int64]:
-    """(levels^axes, axes) every combination of levels, the last axis fastest."""
+    """Return (levels^axes, axes) every combination of levels, the last axis fastest."""
     return np.indices((levels,) * axes).reshape(axes, -1).T
 
 
 def _side(parameters: Array, box: Array, places: Array, index: int) -> tuple[float, Array]:
-    """L and the gain at the reference point on the lower (0) or upper (1) side of the box in p."""
+    """Return L and the gain at the reference point on the lower (0) or upper (1) side of the box in p."""
     k = places.shape[1]
     border = float(box[0, index])
     if not np.isfinite(border):
@@ -210,17 +211,17 @@ NEGLIGIBLE = 1e-7
 class EnergyPolynomialLaw(JointLaw):
     """τ = −∂Π/∂u with Π(p, u) = Σ_t c_t φ_t(p, u), so that ∂τ_i/∂u_j = ∂τ_j/∂u_i everywhere.
 
-    Π goes on outside the box of `domain`, so that τ stays C¹ in p and u and a gradient. With the excesses δ and
+    Π is continued outside the box of `domain`, so that τ stays C¹ in p and u and a gradient. With the excesses δ and
     φ(δ) = L tanh(δ/L):
 
     - in p: Π(p̂, u) + φ(δp) Π_p(p̂, u) − (δp − φ(δp)) g·u, g the gain ∂τ/∂p of the border at the u nearest to zero:
-      the push grows without end, what p takes from the stiffness saturates.
+      the effort of p grows without bound, its influence on the stiffness saturates.
     - in u: terms of one axis by their second-order Taylor polynomial at the border, so that τ of an axis alone is
-      linear there; terms that couple axes see û + φ(δu), so that coupling is bounded; and a bowl
+      linear there; terms that couple axes take û + φ(δu), so that coupling is bounded; and a convex term
       K L² (a²/2 + a − (1 + a) ln(1 + a)), a = |δu|/L, whose stiffness rises from zero to K.
 
     With the L of u, the largest of four, and the least K, half of the border's smallest stiffness remains at a few
-    places outside: where terms bend most, and where they are as good as constant (see `continuation`).
+    places outside: where the curvature of terms is largest, and where they are nearly constant (see `continuation`).
 
     Attributes:
         basis: the terms φ_t and their scales.
@@ -238,7 +239,7 @@ class EnergyPolynomialLaw(JointLaw):
     error: ErrorBar | None = None
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for deformation (n, k)."""
+        """Return τ (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) for deformation (n, k)."""
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)
         k = len(self.axes)
         found = evaluate(p, u, self._parameters)
@@ -246,7 +247,7 @@ class EnergyPolynomialLaw(JointLaw):
         return Effort(found[:, 1 : 1 + k], found[:, 4 : 4 + k], slopes)
 
     def pruned(self, ranges: Array) -> EnergyPolynomialLaw:
-        """The law without the terms that together change τ in the box by less than `NEGLIGIBLE` of `ranges` (k,)."""
+        """Return law without the terms that together change τ in the box by less than `NEGLIGIBLE` of `ranges` (k,)."""
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         maps = np.vstack([self.basis.actuation_map, self.basis.deformation_map])
         largest = np.abs((box - maps[:, :1]) / maps[:, 1:]).max(axis=1)
@@ -264,7 +265,7 @@ class EnergyPolynomialLaw(JointLaw):
         return replace(self, basis=basis, coefficients=self.coefficients[kept])
 
     def stiffness_in_box(self, actuation: Array, deformation: Array) -> Array:
-        """−∂τ/∂u (n, k, k) of the bare polynomial, without the cost of its continuation."""
+        """Return −∂τ/∂u (n, k, k) of the bare polynomial, without the cost of its continuation."""
         u = np.asarray(deformation, float)
         k = u.shape[1]
         matrix = np.empty((len(u), k, k))
@@ -274,13 +275,13 @@ class EnergyPolynomialLaw(JointLaw):
         return matrix
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
+        """Return Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)
         full = evaluate(p, u, self._parameters)[:, 0]
         return full - evaluate(p, np.zeros_like(u), self._parameters)[:, 0]
 
     def scalar(self) -> ScalarLaw:
-        """The same law for compiled engines."""
+        """Return the law as a scalar function for compiled engines."""
         return ScalarLaw(energy_effort, self._parameters, shared)
 
     @cached_property
@@ -290,7 +291,7 @@ class EnergyPolynomialLaw(JointLaw):
         return packed(self.basis, self.coefficients, box, how)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
-        """Laws whose energy has the work of drawn errors (`mechanics.law_draws`) taken away; empty without an error."""
+        """Return laws whose energy is reduced by the work of drawn errors (`mechanics.law_draws`), if any."""
         if self.error is None:
             return ()
         box = np.vstack([self.domain.actuation, self.domain.deformation])
@@ -311,7 +312,7 @@ class EnergyPolynomialLaw(JointLaw):
         return tuple(drawn)
 
     def record(self) -> LawRecord:
-        """Terms, coefficients, scales, domain and error bar."""
+        """Return terms, coefficients, scales, domain and error bar."""
         basis = self.basis
         arrays = {
             "exponents": basis.exponents.astype(float),
@@ -322,9 +323,9 @@ class EnergyPolynomialLaw(JointLaw):
         return law_record(KIND, self, arrays, form="energy")
 
     @staticmethod
-    def of_record(record: LawRecord) -> EnergyPolynomialLaw:
-        """The law of a record; both evaluate to the same bits."""
-        read = arrays_of(record, "coefficients", "actuation_map", "deformation_map")
+    def from_record(record: LawRecord) -> EnergyPolynomialLaw:
+        """Return the law of a record, identical bit for bit."""
+        read = float_arrays(record, "coefficients", "actuation_map", "deformation_map")
         coefficients = read.pop("coefficients")
         basis = EnergyBasis(np.asarray(record.arrays["exponents"], np.int64), **read)
         return EnergyPolynomialLaw(basis, coefficients, **shared_fields(record))

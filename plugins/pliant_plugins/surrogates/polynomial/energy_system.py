@@ -1,4 +1,4 @@
-"""The linear system of a polynomial energy: what FEM states say of Π and its derivatives, and states left out."""
+"""The linear system of a polynomial energy: equations of FEM states for Π and its derivatives; cross-validation."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ class EnergySolution:
 def least_squares(
     matrix: Array, right: Array, place: NDArray[np.int64], told: int
 ) -> tuple[Array, Array, Array] | None:
-    """Coefficients of an energy (t,), and what the first `told` rows miss with their place left out, in closed form.
+    """Fit the coefficients (t,) of an energy; return closed-form leave-one-place-out errors of the first `told` rows.
 
     Args:
         matrix, right: (r, t) and (r,) rows of −Π's derivatives, those of τ first.
-        place: (r,) number of the place that a row is of; its rows are left out together.
-        told: how many rows are of τ.
+        place: (r,) number of a row's place; rows of one place are left out together.
+        told: number of rows of τ.
 
     Returns:
-        Coefficients; misses (told,), predicted minus true; the standard deviations (told,) foretold for them, for rows
-        with a noise of 1. None where the rows, or those without some place, do not determine all terms.
+        Coefficients; errors (n_τ,) of the rows of τ, predicted minus true; their predicted standard deviations (n_τ,)
+        for rows with a noise of 1. None if the rows, or those without some place, do not determine all terms.
     """
     sizes = np.linalg.norm(matrix, axis=0)
     if len(matrix) < matrix.shape[1] or not sizes.all():
@@ -77,17 +77,17 @@ def least_squares(
 
 
 class EnergySystem:
-    """States, scaled, and what they know: τ, its slopes, the energy U − p·travel and −travel.
+    """Scaled states and their data: τ, its slopes, the energy U − p·travel and −travel.
 
-    At a converged state with p and u held Π(p, u) = U − p·travel is stationary in all else, so that ∂Π/∂u = −τ and
-    ∂Π/∂p = −travel; Π is fitted with terms of p alone where the data have both.
+    At a converged state with fixed p and u, Π(p, u) = U − p·travel is stationary in all other unknowns, so that
+    ∂Π/∂u = −τ and ∂Π/∂p = −travel; Π is fitted with terms of p alone if the data have both.
 
     Attributes:
-        ranges: (k,) what τ of each axis is divided by.
+        ranges: (k,) divisors of τ of each axis.
         with_energy: whether energies and travels are fitted.
-        weights: (n,) of the states' equations, 1 where none are given.
+        weights: (n,) of the states' equations, 1 by default.
         alone: (n,) marks states in which all lateral axes are at zero.
-        places: (n,) number of each state's place; what lies there is left out together.
+        places: (n,) number of each state's place; states of one place are left out together.
     """
 
     def __init__(
@@ -112,20 +112,20 @@ class EnergySystem:
         self._right, self._state = np.zeros(0), np.zeros(0, np.int64)
 
     def part(self, keep: NDArray[np.bool_]) -> EnergySystem:
-        """The same of the states that a mask (n,) chooses."""
+        """Return the system of the states that a mask (n,) selects."""
         kept = self.data.rows(keep)
         return EnergySystem(kept, self.domain, self.ranges, self.with_energy, self.weights[keep])
 
     def weighted(self, weights: Array) -> EnergySystem:
-        """The same with other weights (n,)."""
+        """Return the system with other weights (n,)."""
         return EnergySystem(self.data, self.domain, self.ranges, self.with_energy, weights)
 
     def basis(self, terms: Exponents) -> EnergyBasis:
-        """The terms with this system's scales."""
+        """Return the terms with this system's scales."""
         return EnergyBasis(terms, self.actuation_map, self.deformation_map)
 
     def rows(self, terms: Exponents) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Matrix (r, m), right-hand side (r,) and state (r,) of each row; the n·k rows of τ come first."""
+        """Return matrix (r, m), right-hand side (r,) and state (r,) of each row; the n·k rows of τ come first."""
         data, k = self.data, len(self.ranges)
         p_scale, u_scale = self.actuation_map[1], self.deformation_map[:, 1]
         energy = float(np.max(self.ranges * u_scale))
@@ -152,14 +152,14 @@ class EnergySystem:
         return np.concatenate(matrix), np.concatenate(right), np.concatenate(state)
 
     def prepare(self, sets: Sequence[Exponents]) -> None:
-        """Work out the columns of all terms of these sets at once, for `solve`."""
+        """Compute the columns of all terms of these sets at once, for `solve`."""
         missing = [t for t in {tuple(t) for terms in sets for t in terms.tolist()} if t not in self._columns]
         if missing:
             columns, self._right, self._state = self.rows(np.array(missing))
             self._columns.update(zip(missing, columns.T, strict=True))
 
     def solve(self, terms: Exponents) -> EnergySolution | None:
-        """Least squares and the misses of places left out; None where the states do not determine all terms."""
+        """Fit by least squares; return the fit and left-out errors, or None if the states do not determine it."""
         self.prepare([terms])
         matrix = np.column_stack([self._columns[tuple(t)] for t in terms.tolist()])
         right, state = self._right, self._state
@@ -175,7 +175,7 @@ class EnergySystem:
         )
 
     def _places(self) -> NDArray[np.int64]:
-        """(n,) number of each state's place: a state tells all of its mirror image, which is left out with it."""
+        """Return the number (n,) of each state's place: a state and its mirror image share one."""
         data = self.data
         u = (data.deformation - self.deformation_map[:, 0]) / self.deformation_map[:, 1]
         lateral = [k for k, axis in enumerate(data.axes) if axis != data.main_axis]
@@ -187,7 +187,7 @@ class EnergySystem:
 
 
 def _centred(limits: Array) -> Array:
-    """(2,) centre and half-width; exactly 0 is the centre of a symmetric side."""
+    """Return (2,) centre and half-width; exactly 0 is the centre of a symmetric side."""
     centre, half = float(limits.mean()), float(np.ptp(limits)) / 2
     return np.array([0.0 if abs(centre) < SAME_PLACE * half else centre, half])
 
@@ -199,7 +199,7 @@ FEWEST_SCORES = 10
 
 
 def error_bar(system: EnergySystem, terms: Exponents, solution: EnergySolution) -> ErrorBar:
-    """The bar whose shape is the predictive deviation of least squares (as `posterior.CoefficientPosterior`).
+    """Return the bar with the predictive deviation of least squares (as `posterior.CoefficientPosterior`).
 
     Scores are the misses of places left out over the deviation foretold for them, of all axes together: each axis
     where it is explored or held.
@@ -212,12 +212,12 @@ def error_bar(system: EnergySystem, terms: Exponents, solution: EnergySolution) 
     scores = (np.abs(solution.misses) / system.ranges / solution.doubts)[known]
     scores = scores[np.isfinite(scores)]
     if len(scores) < FEWEST_SCORES:
-        return ErrorBar.of(box, system.data.actuation, system.data.deformation, solution.misses)
-    return ErrorBar.of_shape(box, places, sizes, np.tile(scores[:, None], (1, k)), REACH)
+        return ErrorBar.from_residuals(box, system.data.actuation, system.data.deformation, solution.misses)
+    return ErrorBar.from_shape(box, places, sizes, np.tile(scores[:, None], (1, k)), REACH)
 
 
 def shape(system: EnergySystem, terms: Exponents, at: Array) -> Array:
-    """(n, k) predictive deviation of τ over its range at p, u (n, 1 + k), for a noise of 1."""
+    """Return (n, k) predictive deviation of τ over its range at p, u (n, 1 + k), for a noise of 1."""
     matrix = system.rows(terms)[0]
     norms = np.linalg.norm(matrix, axis=0)
     root = np.asarray(np.linalg.qr(matrix / norms, mode="r"))

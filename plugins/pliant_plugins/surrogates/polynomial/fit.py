@@ -1,4 +1,4 @@
-"""The choice of a polynomial: degrees by leaving out whole levels of the data, or all terms held back by a prior."""
+"""The choice of a polynomial: degrees by cross-validation over levels of the data, or all terms under a prior."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pliant_plugins.surrogates.polynomial.posterior import (
     CoefficientPosterior,
     CoefficientPrior,
     all_terms,
-    prior_of,
+    fit_prior,
     solve,
 )
 from pliant_plugins.surrogates.polynomial.system import System, Terms
@@ -25,9 +25,9 @@ FAR_MORE = 5.0  # times the folds' error: such misses of fitted states count ins
 # Errors below this share of the effort's range are all the same to everyone.
 NEGLIGIBLE = 1e-10
 
-# Energies and travels determine so many more degrees of the effort.
+# Number of additional degrees of the effort that energies and travels determine.
 MORE_WITH_POTENTIAL = 3
-# Spread states: so many times the folds' error of the best set of terms is as good.
+# Spread states: errors up to this factor of the best set's error count as equal.
 SPREAD_PATIENCE = 2.0
 
 
@@ -36,8 +36,7 @@ class Candidate:
     """One set of terms with its cross-validated error, as shares of the effort's range.
 
     `rmse_se` is the standard error of `rmse` over the folds; `law` is fitted to all states of role "fit", and so
-    is `posterior`. With a `prior` the terms are held back by it, and `n_terms` says how many free terms they are
-    worth.
+    is `posterior`. With a `prior` the terms are shrunk by it, and `n_terms` is the effective number of free terms.
     """
 
     degree: int
@@ -52,12 +51,12 @@ class Candidate:
 
     @property
     def potential(self) -> bool:
-        """Whether energies and travels of the states were fitted."""
+        """Return whether energies and travels of the states were fitted."""
         return self.posterior.potential
 
 
 def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Candidate, list[Candidate]]:
-    """The chosen candidate and all that the states determine.
+    """Return the chosen candidate and all that the states determine.
 
     Of the sets of terms that the states determine by themselves, chosen is the one with the fewest terms whose
     error is within one standard error of the smallest. All terms of the largest degree, each held back by
@@ -98,7 +97,7 @@ def _choose(eligible: list[Candidate]) -> Candidate:
 
 
 def _held_back(system: System, max_degree: int) -> list[Candidate]:
-    """All terms under their prior, where the data have levels enough to say how smooth they are."""
+    """Fit all terms under their prior, if the data have enough levels to determine their smoothness."""
     if any(system.few):
         return []
     sets = [all_terms(max_degree)]
@@ -106,17 +105,17 @@ def _held_back(system: System, max_degree: int) -> list[Candidate]:
         sets.append(all_terms(max_degree + MORE_WITH_POTENTIAL, potential=True))
     degrees = [int(terms[:, 1].max()) for terms in sets]
     found = [
-        _candidate(system, degree, degree, terms, prior_of(system, terms))
+        _candidate(system, degree, degree, terms, fit_prior(system, terms))
         for degree, terms in zip(degrees, sets, strict=True)
     ]
     return [candidate for candidate in found if candidate is not None]
 
 
 def _term_sets(max_degree: int, few_x: bool, few_v: bool) -> Iterator[tuple[int, int, Terms]]:
-    """Exponents (i, j) of x^i v^j with i/I + j/J ≤ 1: total degree, and half the degree in the actuation.
+    """Yield the exponents (i, j) of x^i v^j with i/I + j/J ≤ 1: total degree, and half the degree in the actuation.
 
-    Where the data have few levels of a coordinate, all terms are linear in it, and total degree with that limit
-    joins the two: they have a product x v only beside squares of both.
+    If the data have few levels of a coordinate, all terms are linear in it, and total degree with that limit is added:
+    the other two contain a product x v only together with squares of both.
     """
     seen = set()
     for degree in range(1, max_degree + 1):
@@ -146,12 +145,12 @@ def _candidate(
         if solution is None:
             return None
         squares.append((matrix[:n][left_out] @ solution - right[:n][left_out]) ** 2)
-    posterior = CoefficientPosterior.of(system, terms, prior)
+    posterior = CoefficientPosterior.from_system(system, terms, prior)
     if posterior is None:
         return None
     solution = posterior.solution
     rmse = float(np.sqrt(np.concatenate(squares).mean()))
-    # few levels: states that are never left out, at the box's corners, may show what the folds cannot
+    # few levels: states that are never left out, at the box's corners, may show errors that the folds miss
     kept = ~np.any(system.folds, axis=0)
     if kept.any():
         missed = float(np.sqrt(np.mean((matrix[:n][kept] @ solution - right[:n][kept]) ** 2)))

@@ -1,8 +1,8 @@
 """The polynomial law: one or three independent axes as a plain function for engines, one axis at many points at once.
 
-Formulas: `PolynomialLaw` and `ContinuedLaw`. The plain function allocates nothing. Nothing of other files is called
-here: numba's cache on disk looks only at the file of a function, so its machine code is never older than its source.
-No operation is reordered or fused: a point gives the same bits whatever stands beside it.
+Formulas: `PolynomialLaw` and `ContinuedLaw`. The plain function allocates no memory. It calls no functions of other
+files: numba's cache on disk checks only the file of a function, so its machine code is never older than its source. No
+operation is reordered or fused: the result at a point does not depend on the other points, bit for bit.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pliant.records.design import Array
 # Numbers before the coefficients in an axis's block of parameters: rows, columns, p₀, p₁, u₀, u₁, the box as
 # p low, p high, u low, u high, the reaches L and the reference gains on both sides in p, and c_odd.
 HEADER = 15
-# Stands for "without limit", so that parameters are finite numbers.
+# Represents "without limit", so that parameters are finite numbers.
 UNBOUNDED = 1e300
 
 
@@ -26,7 +26,7 @@ def axes_effort(
 ) -> None:
     """Fill tau (a,), dtau_dp (a,) and the diagonal dtau_du (a, a) of `a` independent polynomial axes.
 
-    `parameters` holds one block for each axis, as `block` writes it.
+    `parameters` has one block for each axis, as `block` writes it.
     """
     start = 0
     for k in range(len(tau)):
@@ -83,7 +83,7 @@ def block(
     reference_gain: Array,
     odd: float,
 ) -> Array:
-    """(HEADER + I·J,) parameters of one axis: coefficients (I, J), maps of p and u, box (2, 2) of p and u."""
+    """Return (HEADER + I·J,) parameters of one axis: coefficients (I, J), maps of p and u, box (2, 2) of p and u."""
     packed = np.empty(HEADER + coefficients.size)
     packed[0:2] = coefficients.shape
     packed[2:4], packed[4:6] = maps
@@ -179,7 +179,7 @@ def effort(p: Array, u: Array, coefficients: Array, widths: Array, numbers: Arra
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _continue(p: Array, numbers: Array, value: Array, by_p: Array, by_u: Array, by_both: Array) -> None:
-    """The step in p of points that are outside, in place."""
+    """Apply the step in p at points that are outside, in place."""
     for k in range(len(p)):
         side = 1 if p[k] > numbers[5] else 0
         if side == 0 and not p[k] < numbers[4]:
@@ -197,14 +197,14 @@ def _continue(p: Array, numbers: Array, value: Array, by_p: Array, by_u: Array, 
 
 
 SEVERAL_HEADER = 6
-# Sums that are made at once: so many do not wait for each other.
+# Number of independent sums that are computed at once.
 LANES = 4
 
 
 def several_effort(
     actuation: Array, deformation: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array
 ) -> None:
-    """A polynomial energy of m actuations and k deformations (`several_law`), for engines.
+    """Fill the effort of a polynomial energy of m actuations and k deformations (`several_law`), for engines.
 
     Fills tau (k,), dtau_dp (k·m,) with ∂τ_i/∂a_j at i·m + j, and dtau_du (k, k).
 
@@ -217,7 +217,7 @@ def several_effort(
     of_a = maps + 2 * (m + k)
     rows = of_a + n_a * m
     # powers and slopes in a; powers and two slopes in u; monomials in a and their slopes, in whole blocks of `LANES`;
-    # sums of a row; value and two slopes of each power of a row, and which of them are there
+    # sums of a row; value and two slopes of each power of a row, and which of them exist
     lanes = LANES * ((m + LANES) // LANES)
     at_u = 2 * m * deep_a
     mono = at_u + 3 * k * deep_u
@@ -268,7 +268,7 @@ def several_effort(
 
 
 def several_shared(parameters: Array, share: float) -> Array:
-    """The parameters of the law τ(s a, u)."""
+    """Return the parameters of the law τ(s a, u)."""
     found = parameters.copy()
     # centres and half-widths of the actuations
     found[SEVERAL_HEADER : SEVERAL_HEADER + 2 * int(parameters[0])] /= share
@@ -276,7 +276,7 @@ def several_shared(parameters: Array, share: float) -> Array:
 
 
 def _sum_row(c: Array, first: int, count: int, lanes: int, work: Array, mono: int, sums: int) -> None:
-    """Fills value and slopes by each actuation of a row of coefficients, `LANES` side by side."""
+    """Fill value and slopes by each actuation of a row of coefficients, `LANES` in parallel."""
     for lane in range(0, lanes, LANES):
         a, b, d, e = 0.0, 0.0, 0.0, 0.0
         for p in range(count):
@@ -290,7 +290,7 @@ def _sum_row(c: Array, first: int, count: int, lanes: int, work: Array, mono: in
 
 
 def _powers(value: float, c: Array, maps: int, deep: int, bent: bool, work: Array, at: int) -> None:
-    """Fills powers and their first slopes, and with `bent` the second ones, of one coordinate."""
+    """Fill powers and their first slopes, and with `bent` the second ones, of one coordinate."""
     half = c[maps + 1]
     x = (value - c[maps]) / half
     inside = min(max(x, -1.0), 1.0)
@@ -311,7 +311,7 @@ def _powers(value: float, c: Array, maps: int, deep: int, bent: bool, work: Arra
 
 
 def _slope(work: Array, parts: int, count: int, i: int, j: int) -> float:
-    """The slope of a row's monomial by its i-th deformation, and by the j-th where that is not −1."""
+    """Return the slope of a row's monomial by its i-th deformation, and by the j-th where that is not −1."""
     value = 1.0
     for b in range(count):
         value *= work[parts + 3 * b + (1 if b == i else 0) + (1 if b == j else 0)]

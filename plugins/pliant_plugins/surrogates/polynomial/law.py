@@ -1,9 +1,10 @@
-"""The polynomial joint law of one axis."""
+"""The polynomial joint law of one axis, and the stated law of the published form."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -15,10 +16,15 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.continued import ContinuedLaw, share_actuation
 from pliant_plugins.surrogates.polynomial.kernel import ACTING, GAINS, HEADER, axes_effort, block, effort
-from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
+from pliant_plugins.surrogates.records import float_arrays, law_record, shared_fields
+
+if TYPE_CHECKING:
+    from pliant_plugins.surrogates.config import StatedDomain, StudyCoefficients
 
 KIND = "polynomial"
+SEVERAL = "several actuations"  # form in the records of `SeveralLaw`
 ARRAYS = ("coefficients", "actuation_map", "deformation_map")
+UNITY = np.array([0.0, 1.0])
 SHARED = partial(share_actuation, header=HEADER, acting=ACTING, gains=GAINS)
 
 
@@ -57,7 +63,7 @@ class PolynomialLaw(ContinuedLaw):
         object.__setattr__(self, "_packed", self._pack())
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, 1), ∂τ/∂p (n, 1) and ∂τ/∂u (n, 1, 1) for actuation (n,) and deformation (n, 1)."""
+        """Return τ (n, 1), ∂τ/∂p (n, 1) and ∂τ/∂u (n, 1, 1) for actuation (n,) and deformation (n, 1)."""
         p = np.ascontiguousarray(actuation, float)
         u = np.ascontiguousarray(np.asarray(deformation, float)[:, 0])
         out = np.empty((3, len(u)))
@@ -65,14 +71,14 @@ class PolynomialLaw(ContinuedLaw):
         return Effort(out[0][:, None], out[1][:, None], out[2][:, None, None])
 
     def scalar(self) -> ScalarLaw:
-        """The same law for compiled engines; the continuation's reaches are held parameters there."""
+        """Return the law as a scalar function for compiled engines; the continuation's reaches are fixed parameters."""
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         maps = (self.actuation_map, self.deformation_map)
         parameters = block(self.coefficients, maps, box, self._reach, self._reference_gain, self.odd)
         return ScalarLaw(axes_effort, parameters, SHARED)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
-        """Laws with drawn errors (`mechanics.law_draws`) as further coefficients; empty without an error bar."""
+        """Return laws with drawn errors (`mechanics.law_draws`) as further coefficients; empty without an error bar."""
         if self.error is None:
             return ()
         limits = np.vstack([self.domain.actuation, self.domain.deformation])
@@ -87,24 +93,24 @@ class PolynomialLaw(ContinuedLaw):
         return tuple(drawn)
 
     def record(self) -> LawRecord:
-        """Coefficients, scales and domain; `Polynomial.load` makes the same law of them."""
+        """Return coefficients, scales and domain; `Polynomial.load` makes the same law of them."""
         return law_record(KIND, self, {name: getattr(self, name) for name in ARRAYS}, odd=self.odd)
 
     @staticmethod
-    def of_record(record: LawRecord) -> PolynomialLaw:
-        """The law of a record; both evaluate to the same bits."""
+    def from_record(record: LawRecord) -> PolynomialLaw:
+        """Return the law of a record, identical bit for bit."""
         odd = float(record.values["odd"])
-        return PolynomialLaw(**arrays_of(record, *ARRAYS), **shared_fields(record), odd=odd)
+        return PolynomialLaw(**float_arrays(record, *ARRAYS), **shared_fields(record), odd=odd)
 
     def _pack(self) -> tuple[Array, NDArray[np.int64], Array]:
-        """Coefficients, their number in each row and all other numbers, as `batch.effort` takes them."""
+        """Return coefficients, their number in each row and all other numbers, as arguments of `batch.effort`."""
         table = np.ascontiguousarray(self.coefficients, float)
         widths = np.array([np.max(np.flatnonzero(row), initial=-1) + 1 for row in table])
         maps = [self.actuation_map, self.deformation_map, self.domain.actuation, self.domain.deformation[0]]
         return table, widths, np.concatenate([*maps, self._reach, self._reference_gain, [self.odd]])
 
     def _derivative_table(self) -> Array:
-        """(I + 1, 4 (J + 3)): τ, ∂p τ, ∂u τ, ∂p∂u τ as polynomials in x over the columns v^j, u|u|, |u|."""
+        """Return (I + 1, 4 (J + 3)): τ, ∂p τ, ∂u τ, ∂p∂u τ as polynomials in x over the columns v^j, u|u|, |u|."""
         c = self.coefficients
         plain = np.pad(c, ((0, 0), (0, 2)))
         plain[0, -2] = self.odd
@@ -119,7 +125,7 @@ class PolynomialLaw(ContinuedLaw):
         return slope
 
     def _inside(self, p: Array, u: Array) -> Array:
-        """(n, 4) τ, ∂p τ, ∂u τ, ∂p∂u τ of the bare polynomial."""
+        """Return (n, 4) τ, ∂p τ, ∂u τ, ∂p∂u τ of the bare polynomial."""
         x = (p - self.actuation_map[0]) / self.actuation_map[1]
         v = (u - self.deformation_map[0]) / self.deformation_map[1]
         columns = np.empty((len(u), self.coefficients.shape[1] + 2))
@@ -133,7 +139,7 @@ class PolynomialLaw(ContinuedLaw):
         return float(self.actuation_map[1])
 
     def _areas(self, p: Array, u: Array) -> Array:
-        """(2, n) ∫ τ du and ∫ ∂p τ du from the angle u₀ of the map."""
+        """Return (2, n) ∫ τ du and ∫ ∂p τ du from the angle u₀ of the map."""
         width = self.coefficients.shape[1]
         v = (u - self.deformation_map[0]) / self.deformation_map[1]
         columns = np.empty((len(u), width + 1))
@@ -147,15 +153,51 @@ class PolynomialLaw(ContinuedLaw):
         return np.einsum("ni,ikj,nj->kn", x, blocks, columns)
 
 
+def study_law(
+    coefficients: StudyCoefficients,
+    odd: bool,
+    domain: Domain,
+    actuation_name: str = "pressure_pa",
+    axis: str = "y",
+    joint: JointKind = "revolute",
+) -> PolynomialLaw:
+    """Return the law of the study's coefficients in SI; `odd` uses u|u| instead of u².
+
+    τ(p, u) = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u); `study` fits the coefficients.
+    """
+    k = coefficients
+    table = np.zeros((2, 2 if odd else 3))
+    table[1, 0] = k.k_n
+    table[1, 1] = k.m_a
+    table[0, 1] = k.b_a - k.b_e
+    if not odd:
+        table[0, 2] = -k.m_e / 2
+    return PolynomialLaw(
+        table, UNITY, UNITY, domain, -k.m_e / 2 if odd else 0.0, actuation_name, (axis,), joint
+    )
+
+
+def stated_domain(domain: StatedDomain | None) -> Domain:
+    """Return the record of a stated domain; unstated sides are unbounded."""
+    everywhere = Domain.unbounded(1)
+    if domain is None:
+        return everywhere
+    deformation = domain.deformation or domain.extension_m
+    return Domain(
+        everywhere.actuation if domain.actuation is None else np.array(domain.actuation, float),
+        everywhere.deformation if deformation is None else np.array([deformation], float),
+    )
+
+
 def largest_slope(law: JointLaw) -> float:
-    """Largest ∂τ/∂u of a one-axis law on a 61 × 61 grid of its (finite) domain, N·m/rad."""
+    """Return largest ∂τ/∂u of a one-axis law on a 61 × 61 grid of its (finite) domain, N·m/rad."""
     (low_p, high_p), (low_u, high_u) = law.domain.actuation, law.domain.deformation[0]
     p, u = np.meshgrid(np.linspace(low_p, high_p, 61), np.linspace(low_u, high_u, 61))
     return float(law.evaluate(p.ravel(), u.reshape(-1, 1)).dtau_du.max())
 
 
 def monomials(table: Array, limits: Array, maps: Array) -> Array:
-    """(I, J) coefficients of x^i v^j, scaled by `maps` (2, 2), of a Chebyshev table in coordinates of `limits`."""
+    """Return (I, J) monomial coefficients, scaled by `maps` (2, 2), of a Chebyshev table in coordinates of `limits`."""
     out = table
     for axis, ((low, high), (centre, scale)) in enumerate(zip(limits, maps, strict=True)):
         size = table.shape[axis]

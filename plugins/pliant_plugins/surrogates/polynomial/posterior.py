@@ -1,4 +1,4 @@
-"""Least squares with or without a prior: coefficients, what is unsure about them, misses of states left out.
+"""Least squares with or without a prior: coefficients, their uncertainty, and leave-one-out errors.
 
 The prior takes all terms of the largest degree at once, each held back by how smooth the data say the law is.
 """
@@ -38,13 +38,13 @@ class CoefficientPrior:
 
 
 def all_terms(degree: int, potential: bool = False) -> Terms:
-    """Exponents of all terms up to a total degree; with `potential` those that bear no effort too (`System.rows`)."""
+    """Return exponents up to a total degree; with `potential` those without effort too (`System.rows`)."""
     efforts = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
     return np.array(efforts + [(i, -1) for i in range(degree + 2) if potential])
 
 
-def prior_of(system: System, terms: Terms) -> CoefficientPrior:
-    """The prior under which the data are most likely.
+def fit_prior(system: System, terms: Terms) -> CoefficientPrior:
+    """Return the prior with the highest marginal likelihood.
 
     Coefficients c_ij of Chebyshev terms are normal with deviations s ρ_p^−i ρ_u^−j / √(i + j)!, those of total
     degree 0 and 1 with s: functions as smooth as those of a Gaussian kernel, whose Taylor coefficients fall like
@@ -53,7 +53,7 @@ def prior_of(system: System, terms: Terms) -> CoefficientPrior:
     """
     matrix, right, _ = system.rows(terms)
     m = len(right)
-    # An orthogonal change of the rows leaves the evidence: k + 1 rows tell as much as m.
+    # An orthogonal transformation of the rows keeps the evidence: k + 1 rows are equivalent to m.
     compact: Array = np.asarray(np.linalg.qr(np.column_stack([matrix, right]), mode="r"))
     best: tuple[float, CoefficientPrior] | None = None
     for radii, deviations in _deviations(terms):
@@ -90,7 +90,7 @@ FEWEST_SCORES = 4
 
 
 def solve(matrix: Array, right: Array, prior: CoefficientPrior | None = None) -> Array | None:
-    """Coefficients (k,); None where nothing but the rows holds them and the rows do not determine all."""
+    """Solve for the coefficients (k,); None if there is no prior and the rows do not determine all of them."""
     solution: Array
     if prior is not None:
         held = np.sqrt(prior.noise) * np.eye(matrix.shape[1])
@@ -122,10 +122,10 @@ class CoefficientPosterior:
     root: Array
 
     @staticmethod
-    def of(
+    def from_system(
         system: System, terms: Terms, prior: CoefficientPrior | None = None
     ) -> CoefficientPosterior | None:
-        """None where the states do not determine the terms."""
+        """Compute the posterior of the terms; None if the states do not determine them."""
         matrix, right, _ = system.rows(terms)
         solution = solve(matrix, right, prior)
         if solution is None:
@@ -137,20 +137,20 @@ class CoefficientPosterior:
 
     @property
     def potential(self) -> bool:
-        """Whether energies and travels of the states are fitted."""
+        """Return whether energies and travels of the states are fitted."""
         return bool((self.terms[:, 1] < 0).any())
 
     def effective_terms(self) -> float:
-        """Trace of the matrix that maps what is given to what is predicted."""
+        """Return the trace of the hat matrix from given to predicted values."""
         return float(np.sum(self._whitened(self.system.rows(self.terms)[0]) ** 2))
 
     def shape(self, x: Array, v: Array) -> Array:
-        """(n,) predictive deviation at points of [−1, 1]², for a noise of 1."""
+        """Return (n,) predictive deviation at points of [−1, 1]², for a noise of 1."""
         doubt = np.sum(self._whitened(values_at(self.terms, x, v)) ** 2, axis=1)
         return np.sqrt(1 + doubt)
 
     def scores(self) -> Array:
-        """(s,) sizes of the misses of values left out, each over its predictive deviation for a noise of 1.
+        """Return (s,) sizes of left-out errors of values, each over its predictive deviation for a noise of 1.
 
         With Q Qᵀ the hat matrix and r the residuals, rows G that are left out together miss by
         e = (1 − Q_G Q_Gᵀ)⁻¹ r_G, and the inverse is their covariance (Allen's PRESS in blocks; Technometrics 16,
@@ -168,7 +168,7 @@ class CoefficientPosterior:
         return np.concatenate(found)
 
     def misses(self) -> Array:
-        """(n,) value minus prediction of each state left out with all its rows; NaN where the others do not say."""
+        """Return (n,) leave-one-out errors, value minus prediction; NaN if the others do not determine it."""
         matrix, right, state = self.system.rows(self.terms)
         residuals, hats = right - matrix @ self.solution, self._whitened(matrix)
         missed = np.full(len(self.system.x), np.nan)
@@ -180,7 +180,7 @@ class CoefficientPosterior:
         return missed
 
     def error_bar(self) -> ErrorBar | None:
-        """The bar whose shape is the predictive deviation and whose size are the scores; None for too few of them."""
+        """Return the bar with the predictive deviation scaled by the scores; None for too few of them."""
         scores = self.scores()
         if len(scores) < FEWEST_SCORES:
             return None
@@ -188,10 +188,10 @@ class CoefficientPosterior:
         domain = self.system.domain
         box = np.vstack([domain.actuation, domain.deformation])
         sizes = self.shape(places[:, 0], places[:, 1]) * self.system.range
-        return ErrorBar.of_shape(box, places, sizes[:, None], scores[:, None], REACH)
+        return ErrorBar.from_shape(box, places, sizes[:, None], scores[:, None], REACH)
 
     def _whitened(self, rows: Array) -> Array:
-        """(m, k) rows R⁻¹, in the scaled coefficients."""
+        """Return (m, k) rows R⁻¹, in the scaled coefficients."""
         scaled = rows * _scales(self.terms, self.prior)
         return solve_triangular(self.root, scaled.T, trans="T").T
 
@@ -201,7 +201,7 @@ def _scales(terms: Terms, prior: CoefficientPrior | None) -> Array:
 
 
 def _left_out(residuals: Array, hats: Array, rows: NDArray[np.int64], keep: NDArray[np.bool_]) -> Array:
-    """Scores of the values, of the states to keep (n,), among the rows that are left out together."""
+    """Return scores of the values of the states to keep (n,) among the rows that are left out together."""
     inner = np.eye(len(rows)) - hats[rows] @ hats[rows].T
     if len(rows) == 0 or np.linalg.eigvalsh(inner)[0] < DETERMINED:
         return np.zeros(0)

@@ -1,4 +1,4 @@
-"""Errors of a law on states that it has not seen: of one axis, or axis by axis and where several are held."""
+"""Errors of a law on unseen states: of one axis, or by axis and with several axes deflected."""
 
 from __future__ import annotations
 
@@ -12,13 +12,9 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.records.law import Domain, FitReport, JointLaw
+from pliant_plugins.surrogates.polynomial.law import study_law
 from pliant_plugins.surrogates.polynomial.states import Mask, Split
-from pliant_plugins.surrogates.polynomial.study import (
-    energies_known,
-    fit_differences,
-    fit_study,
-    study_law,
-)
+from pliant_plugins.surrogates.polynomial.study import energies_known, fit_differences, fit_study
 
 # Of the band that a report checks.
 LEVEL = 0.9
@@ -27,7 +23,7 @@ LEVEL = 0.9
 def report(
     law: JointLaw, states: Split[FemDataset], details: Mapping[str, Any], odd: bool = False
 ) -> FitReport:
-    """Errors of a law of one axis on its check states; the study's forms, with `odd` or not, stand beside it."""
+    """Report errors of a one-axis law on its check states, and those of the published forms, with `odd` or not."""
     check = states.check
     u, given = check.angle_rad[:, None], check.moment_n_m
     predicted = law.evaluate(check.actuation, u).tau[:, 0]
@@ -63,7 +59,7 @@ def report(
 def report_axes(
     law: JointLaw, states: Split[ModuleData], choice: Mapping[str, Any], largest_slope: float
 ) -> FitReport:
-    """`details["axes"]` has each axis on the states that explore it, `details["coupling"]` those that hold several.
+    """Report each axis in `details["axes"]`, on the states that explore it, and `details["coupling"]`.
 
     Totals are over all check states and axes; `r2` and `worst_of_range` are those of the worst axis.
     """
@@ -118,7 +114,7 @@ def report_axes(
 
 
 def errors(missed: Array, given: Array, effort_range: float) -> dict[str, float]:
-    """rmse and worst (N·m), worst_of_range and r2 of efforts `given` (n,) that are missed by `missed` (n,)."""
+    """Return rmse and worst (N·m), worst_of_range and r2 of efforts `given` (n,) with errors `missed` (n,)."""
     spread = float(np.sum((given - given.mean()) ** 2))
     worst = float(np.abs(missed).max())
     return {
@@ -130,14 +126,14 @@ def errors(missed: Array, given: Array, effort_range: float) -> dict[str, float]
 
 
 def axes_known(data: ModuleData) -> Mask:
-    """(n, k) marks the axes that a state says something of: the one that it explores, or all where it holds several."""
+    """Return a mask (n, k) of the axes that a state informs: the explored one, or all if several are deflected."""
     known: Mask = data.explored[:, None] == np.array(data.axes)
     known |= (data.explored == COUPLING)[:, None]
     return known if known.any() else np.ones_like(known)
 
 
 def _axes_error_bar(law: JointLaw, states: Split[ModuleData], missed: Array) -> dict[str, Any] | None:
-    """Shares of check states in the law's band, each axis where it is explored or held; None without a band."""
+    """Return shares of check states in the law's band by axis, where it is known; None without a band."""
     check = states.check
     band = law.band(check.actuation, check.deformation, LEVEL)
     if band is None:
@@ -157,7 +153,7 @@ def _axes_error_bar(law: JointLaw, states: Split[ModuleData], missed: Array) -> 
 
 
 def slope_errors(law: JointLaw, data: FemDataset) -> dict[str, float]:
-    """RMS error of each slope where the data have it, as a share of the slope's largest size."""
+    """Return the RMS error of each slope in the data, as a share of the slope's largest size."""
     effort = law.evaluate(data.actuation, data.angle_rad[:, None])
     result = {}
     for name, predicted in (("dmoment_dp", effort.dtau_dp[:, 0]), ("dmoment_du", effort.dtau_du[:, 0, 0])):
@@ -170,7 +166,7 @@ def slope_errors(law: JointLaw, data: FemDataset) -> dict[str, float]:
 
 
 def _residuals(actuation: Array, angle: Array, given: Array, predicted: Array) -> dict[str, list[float]]:
-    """What a picture of the fit needs, state by state."""
+    """Return the data of a residual plot, state by state."""
     return {
         "actuation": actuation.tolist(),
         "angle_rad": angle.tolist(),
@@ -180,7 +176,7 @@ def _residuals(actuation: Array, angle: Array, given: Array, predicted: Array) -
 
 
 def study_beside(split: Split[FemDataset], odd: bool = False) -> dict[str, Any]:
-    """The study's forms fitted to the same states and scored on the same states, by the details' names.
+    """Fit the published forms to the same states and score them, by the details' names.
 
     `study_form` is fitted by least squares; `study_finite_differences` is there where strain energies are known.
     """

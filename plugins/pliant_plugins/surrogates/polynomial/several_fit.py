@@ -21,14 +21,15 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import ModuleData
 from pliant.records.law import Domain, JointLaw
 from pliant_plugins.surrogates.polynomial.energy_system import SLOPE_WEIGHT, least_squares
+from pliant_plugins.surrogates.polynomial.law import SEVERAL
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
-from pliant_plugins.surrogates.polynomial.several_law import FORM, Exponents, SeveralLaw, powers, product
+from pliant_plugins.surrogates.polynomial.several_law import Exponents, SeveralLaw, powers, product
 from pliant_plugins.surrogates.polynomial.states import split
 from pliant_plugins.surrogates.records import stable_choice
 
 # Degrees of the energy in the actuations and in the deformations that are tried.
 DEGREES = ((1, 2), (2, 2), (2, 4), (3, 3), (3, 5), (4, 4), (4, 6), (5, 5), (6, 6), (8, 8))
-# Of the equations, and of all: what a law costs an engine grows with them.
+# Limits relative to the equations, and in all: the cost of a law in an engine grows with its terms.
 MOST_TERMS, MOST_OF_ALL = 0.5, 500
 # Energies and travels, which actuations alone move by more than the deformations do, weigh little: they are there for
 # the terms that have no effort.
@@ -39,7 +40,7 @@ PLACES = 2048  # of the box, at which ∂τ/∂u is looked at
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class SeveralInputsFit:
     """Degrees, terms, coefficients (t,) in J, and misses (n, k) of τ with each state left out in turn.
 
     `rmse` is the root mean square of the misses over the ranges.
@@ -53,7 +54,7 @@ class Candidate:
 
 
 def fit_several(data: ModuleData) -> FittedLaw:
-    """One law of all actuations and axes, fitted to every trusted state of role "fit", scored on those of role "check".
+    """Fit one law of all actuations and axes to trusted states of role "fit", scored on those of role "check".
 
     Raises `UserError` as `states.split` does, and where the states determine no law.
     """
@@ -87,7 +88,7 @@ def fit_several(data: ModuleData) -> FittedLaw:
         for one, slope in zip(tried, slopes, strict=True)
     ]
     choice = {
-        "form": FORM,
+        "form": SEVERAL,
         "actuation_degree": chosen.degrees[0],
         "degree": chosen.degrees[1],
         "terms": len(chosen.coefficients),
@@ -99,7 +100,7 @@ def fit_several(data: ModuleData) -> FittedLaw:
 
 
 def largest_slope(law: JointLaw) -> float:
-    """The largest eigenvalue of ∂τ/∂u over the box: below zero where the law is stable."""
+    """Return the largest eigenvalue of ∂τ/∂u over the box: below zero for a stable law."""
     box = law.domain.box
     points = scipy.stats.qmc.Sobol(len(box), scramble=False).random(PLACES)
     at = box[:, 0] + np.ptp(box, axis=1) * points
@@ -108,7 +109,7 @@ def largest_slope(law: JointLaw) -> float:
 
 
 def _degrees(system: _System) -> list[tuple[int, int]]:
-    """Degrees whose terms are few enough for the states, small ones first."""
+    """Return degrees with few enough terms for the states, small ones first."""
     fitting = [
         (count, degrees)
         for degrees in DEGREES
@@ -117,8 +118,8 @@ def _degrees(system: _System) -> list[tuple[int, int]]:
     return [degrees for _, degrees in sorted(fitting)]
 
 
-def terms_of(actuation: int, deformation: int, m: int, k: int) -> Exponents:
-    """(t, m + k) exponents with Σ i/`actuation` + Σ l/`deformation` ≤ 1, the constant left out."""
+def weighted_degree_exponents(actuation: int, deformation: int, m: int, k: int) -> Exponents:
+    """Return (t, m + k) exponents with Σ i/`actuation` + Σ l/`deformation` ≤ 1, the constant left out."""
     found = [np.zeros((1, 0), np.int64)]
     share = np.zeros(1)
     for top in [actuation] * m + [deformation] * k:
@@ -131,7 +132,7 @@ def terms_of(actuation: int, deformation: int, m: int, k: int) -> Exponents:
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """The states to fit, scaled, and what they know."""
+    """The states to fit, scaled, and their data."""
 
     data: ModuleData
     domain: Domain
@@ -153,7 +154,7 @@ class _System:
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """(n,) whether energy and travels are there."""
+        """Return (n,) whether energy and travels are given."""
         travels = np.isfinite(self.data.travel).all(axis=1)
         return np.asarray(np.isfinite(self.data.energy_j) & travels)
 
@@ -163,7 +164,7 @@ class _System:
 
     @cached_property
     def wanted(self) -> list[tuple[dict[int, int], Array, float]]:
-        """Of each kind of equation: which derivative of −Π it is, values (n,), weight. Those of τ come first."""
+        """Return, for each kind of equation, the derivative of −Π, values (n,) and weight. Those of τ come first."""
         data, m, k = self.data, self.m, self.k
         half, ranges = self.maps[:, 1], self.ranges
         found = [({m + i: 1}, data.tau[:, i], 1 / ranges[i]) for i in range(k)]
@@ -183,16 +184,16 @@ class _System:
         return found
 
     def terms(self, degrees: tuple[int, int]) -> Exponents:
-        """(t, m + k) exponents of these degrees that the states can tell."""
-        every = terms_of(*degrees, self.m, self.k)
+        """Return (t, m + k) exponents of these degrees that the states can determine."""
+        every = weighted_degree_exponents(*degrees, self.m, self.k)
         return every if self.with_energy else every[every[:, self.m :].any(axis=1)]
 
     @property
     def equations(self) -> int:
         return sum(int(np.isfinite(values).sum()) for _, values, _ in self.wanted)
 
-    def solve(self, degrees: tuple[int, int]) -> Candidate | None:
-        """Least squares, and what is missed of each state by the others; None where they do not determine all terms."""
+    def solve(self, degrees: tuple[int, int]) -> SeveralInputsFit | None:
+        """Fit by least squares; return the fit and leave-one-out errors, or None if terms are undetermined."""
         data, m = self.data, self.m
         exponents = self.terms(degrees)
         at = np.column_stack([data.actuation, data.deformation])
@@ -213,10 +214,10 @@ class _System:
         coefficients, misses, _ = found
         shares = misses.reshape(self.k, len(data)).T
         rmse = float(np.sqrt(np.mean(shares**2)))
-        return Candidate(degrees, exponents, coefficients, shares * self.ranges, rmse)
+        return SeveralInputsFit(degrees, exponents, coefficients, shares * self.ranges, rmse)
 
     def _less_rest(self, A: Array, b: Array, exponents: Exponents) -> tuple[Array, Array]:
-        """Energies as differences to the rest state, a = 0 and u = 0, whose energy is zero."""
+        """Subtract the energy of the rest state, a = 0 and u = 0."""
         tables = [
             powers(np.zeros(1), self.maps[d], exponents[:, d], d >= self.m) for d in range(len(self.maps))
         ]
@@ -227,10 +228,10 @@ class _System:
         A[rows] += self.wanted[place][2] * product(tables, {})
         return A, b
 
-    def law(self, one: Candidate) -> SeveralLaw:
-        """The law of a candidate, with its error bar."""
+    def law(self, one: SeveralInputsFit) -> SeveralLaw:
+        """Return the law of a candidate, with its error bar."""
         data = self.data
-        bar = ErrorBar.of(self.domain.box, data.actuation, data.deformation, one.misses)
+        bar = ErrorBar.from_residuals(self.domain.box, data.actuation, data.deformation, one.misses)
         return SeveralLaw(
             one.exponents,
             one.coefficients,

@@ -3,8 +3,8 @@
     Π = Σ_t c_t Π_j g(x_j)^{i_tj} Π_k h(v_k)^{l_tk},   x = (a − a₀)/a₁,  v = (u − u₀)/u₁,  both in [−1, 1] on the box
 
 τ = −∂Π/∂u, so that ∂τ_i/∂u_j = ∂τ_j/∂u_i, and −∂Π/∂a is the travel on which each actuation works. Outside the box each
-power goes on by its Taylor polynomial at the border, of first order in x and of second order in v: Π stays one energy
-whose effort and slopes are continuous.
+power is continued by its Taylor polynomial at the border, of first order in x and of second order in v: Π stays one
+energy whose effort and slopes are continuous.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.polynomial.kernel import several_effort, several_shared
-from pliant_plugins.surrogates.polynomial.law import KIND
-from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
+from pliant_plugins.surrogates.polynomial.law import KIND, SEVERAL
+from pliant_plugins.surrogates.records import float_arrays, law_record, shared_fields
 
-FORM = "several actuations"
 Exponents = NDArray[np.int64]
 
 
@@ -50,7 +49,7 @@ class SeveralLaw(JointLaw):
     error: ErrorBar | None = None
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, k), ∂τ/∂a (n, k, m) and the symmetric ∂τ/∂u (n, k, k) at a (n, m) and u (n, k)."""
+        """Return τ (n, k), ∂τ/∂a (n, k, m) and the symmetric ∂τ/∂u (n, k, k) at a (n, m) and u (n, k)."""
         tables, m = self._tables(actuation, deformation), len(self.actuations)
         k, c = len(self.axes), self.coefficients
         n = len(tables[0][0])
@@ -65,7 +64,7 @@ class SeveralLaw(JointLaw):
         return Effort(tau, by_a, by_u)
 
     def travel(self, actuation: Array, deformation: Array) -> Array:
-        """−∂Π/∂a (n, m): what each actuation works on, from the undeformed module; m³ of pressures.
+        """Return −∂Π/∂a (n, m), the conjugate of each actuation relative to the undeformed module; m³ for pressures.
 
         A law fitted to states without energies knows it up to a function of the actuations alone.
         """
@@ -75,7 +74,7 @@ class SeveralLaw(JointLaw):
         )
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(a, u) − Π(a, 0) in J, shape (n,)."""
+        """Return Π(a, u) − Π(a, 0) in J, shape (n,)."""
         there, rest = (
             product(self._tables(actuation, u), {}) @ self.coefficients
             for u in (deformation, np.zeros_like(np.asarray(deformation, float)))
@@ -83,13 +82,13 @@ class SeveralLaw(JointLaw):
         return np.asarray(there - rest)
 
     def _tables(self, actuation: Array, deformation: Array) -> list[tuple[Array, Array, Array]]:
-        """Of each coordinate the powers of all terms and their first two derivatives, (n, t) each."""
+        """Return, for each coordinate, the powers of all terms and their first two derivatives, (n, t) each."""
         at = np.column_stack([np.asarray(actuation, float), np.asarray(deformation, float)])
         m = len(self.actuations)
         return [powers(at[:, d], self.maps[d], self.exponents[:, d], bent=d >= m) for d in range(at.shape[1])]
 
     def scalar(self) -> ScalarLaw:
-        """The compiled form: see `several_effort`."""
+        """Return the compiled form: see `several_effort`."""
         return ScalarLaw(several_effort, self._packed, several_shared)
 
     @cached_property
@@ -113,7 +112,7 @@ class SeveralLaw(JointLaw):
         return np.concatenate([header, self.maps.ravel(), of_a[order].ravel(), rows.ravel()]).astype(float)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
-        """Laws whose energy has the work of drawn errors (`mechanics.law_draws`) taken away; empty without an error."""
+        """Return laws whose energy is reduced by the work of drawn errors (`mechanics.law_draws`), if any."""
         if self.error is None:
             return ()
         m, k = len(self.actuations), len(self.axes)
@@ -130,24 +129,24 @@ class SeveralLaw(JointLaw):
         )
 
     def record(self) -> LawRecord:
-        """Terms, coefficients, scales, domain and error bar."""
+        """Return terms, coefficients, scales, domain and error bar."""
         arrays = {
             "exponents": self.exponents.astype(float),
             "coefficients": self.coefficients,
             "maps": self.maps,
         }
-        return law_record(KIND, self, arrays, form=FORM)
+        return law_record(KIND, self, arrays, form=SEVERAL)
 
     @staticmethod
-    def of_record(record: LawRecord) -> SeveralLaw:
-        """The law that `record` wrote."""
-        read = arrays_of(record, "coefficients", "maps")
+    def from_record(record: LawRecord) -> SeveralLaw:
+        """Return the law of a record."""
+        read = float_arrays(record, "coefficients", "maps")
         exponents = np.asarray(record.arrays["exponents"], np.int64)
         return SeveralLaw(exponents, **read, **shared_fields(record))
 
 
 def powers(values: Array, scale: Array, exponents: Exponents, bent: bool) -> tuple[Array, Array, Array]:
-    """(n, t) powers of one coordinate and their first two derivatives by it, gone on outside [−1, 1].
+    """Return (n, t) powers of one coordinate and their first two derivatives, continued outside [−1, 1].
 
     `bent`: by the Taylor polynomial of second order, else of first.
     """
@@ -165,7 +164,7 @@ def powers(values: Array, scale: Array, exponents: Exponents, bent: bool) -> tup
 
 
 def product(tables: list[tuple[Array, Array, Array]], orders: dict[int, int]) -> Array:
-    """(n, t) derivatives of all terms, `orders` times by each coordinate."""
+    """Return (n, t) derivatives of all terms, `orders` times by each coordinate."""
     found = tables[0][orders.get(0, 0)]
     for d, table in enumerate(tables[1:], start=1):
         found = found * table[orders.get(d, 0)]
@@ -173,13 +172,13 @@ def product(tables: list[tuple[Array, Array, Array]], orders: dict[int, int]) ->
 
 
 def lower_terms(exponents: Exponents) -> Exponents:
-    """(t', d) all terms that divide some of (t, d), the constant left out: what another origin makes of them."""
+    """Return (t', d) all terms that divide some of (t, d), the constant left out, for another origin."""
     every = {low for one in exponents for low in np.ndindex(*(one + 1))} - {(0,) * exponents.shape[1]}
     return np.array(sorted(every, key=lambda one: (sum(one), one)), np.int64)
 
 
 def shifted(coefficients: Array, exponents: Exponents, lower: Exponents, maps: Array) -> Array:
-    """(t',) coefficients of `lower_terms` in y of a polynomial in x = centre + half · y; its constant is dropped.
+    """Return (t',) coefficients of `lower_terms` in y of a polynomial in x = centre + half · y, no constant.
 
     Args:
         coefficients: (t,) of the terms `exponents` (t, d) in x.

@@ -1,4 +1,4 @@
-"""Which states are fitted and which are scored; what is wrong with them is said in one sentence."""
+"""Selection of the states to fit and to score; problems are reported in one sentence."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.records.actuation import names_of
+from pliant.records.actuation import split_actuation_names
 from pliant.records.design import Array
 from pliant.records.fem import SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.records.law import Domain
@@ -45,7 +45,7 @@ class Split(Generic[Data]):
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """What a state is made of: `at` (n, m + k) actuation and deformations, `tau` (n, k), and the names of both."""
+    """The columns of a state: `at` (n, m + k) actuation and deformations, `tau` (n, k), and the names of both."""
 
     at: Array
     tau: Array
@@ -53,10 +53,12 @@ class _Columns:
     tau_names: tuple[str, ...]
 
     @staticmethod
-    def of(data: FemDataset | ModuleData) -> _Columns:
+    def from_data(data: FemDataset | ModuleData) -> _Columns:
         if isinstance(data, FemDataset):
             at, tau = np.column_stack([data.actuation, data.angle_rad]), data.moment_n_m[:, None]
-            return _Columns(at, tau, (*names_of(data.actuation_name), "angle_rad"), ("moment_n_m",))
+            return _Columns(
+                at, tau, (*split_actuation_names(data.actuation_name), "angle_rad"), ("moment_n_m",)
+            )
         about = [f" of axis {axis}" if len(data.axes) > 1 else "" for axis in data.axes]
         return _Columns(
             np.column_stack([data.actuation, data.deformation]),
@@ -74,7 +76,7 @@ def split(data: Data, law: str = "a polynomial law") -> Split[Data]:
     "check" are scored; data without any hold out a seeded fifth of the states inside the box.
     Raises `UserError` for numbers that are not finite, contradictions and too few states; `law` is its noun.
     """
-    columns = _Columns.of(data)
+    columns = _Columns.from_data(data)
     _finite(columns)
     good = np.isin(data.status, TRUSTED)
     converged = good | (data.status == SELF_CONTACT)
@@ -82,7 +84,7 @@ def split(data: Data, law: str = "a polynomial law") -> Split[Data]:
     trusted = good & (data.role == "fit")
     _enough(data, trusted, law)
     box = np.column_stack([columns.at[trusted].min(axis=0), columns.at[trusted].max(axis=0)])
-    m = len(names_of(data.actuation_name))
+    m = len(split_actuation_names(data.actuation_name))
     domain = Domain(box[0] if m == 1 else box[:m], box[m:])
     # Outside by more than rounding.
     excess = np.abs(domain.excess(columns.at[:, :m], columns.at[:, m:]))
@@ -93,7 +95,7 @@ def split(data: Data, law: str = "a polynomial law") -> Split[Data]:
     chosen = usable.role == "check"
     held_out = "states of role check"
     if not chosen.any():
-        chosen = _hold_out(_Columns.of(usable).at)
+        chosen = _hold_out(_Columns.from_data(usable).at)
         held_out = (
             f"no state has role check in the domain: {chosen.sum()} of {len(usable)} held out at random, "
             f"seed {HELD_OUT_SEED}"
@@ -111,7 +113,7 @@ def split(data: Data, law: str = "a polynomial law") -> Split[Data]:
 
 
 def effort_ranges(data: FemDataset | ModuleData) -> Array:
-    """(k,) max − min of each axis' effort in the states that explore it; in all states where there are none."""
+    """Return max − min (k,) of each axis' effort in the states that explore it; in all states if no state does."""
     if isinstance(data, FemDataset):
         return np.array([np.ptp(data.moment_n_m)])
     ranges = []
@@ -152,7 +154,7 @@ def _effort(name: str) -> str:
 
 
 def _hold_out(at: Array) -> Mask:
-    """Mask of the held-out states; those on the border of the box stay in the fit and span the domain."""
+    """Return a mask of the held-out states; those on the border of the box stay in the fit."""
     inside = np.flatnonzero(np.all((at > at.min(axis=0)) & (at < at.max(axis=0)), axis=1))
     wanted = max(1, round(HELD_OUT_SHARE * len(at)))
     candidates = inside if len(inside) >= wanted else np.arange(len(at))
@@ -162,7 +164,7 @@ def _hold_out(at: Array) -> Mask:
 
 
 def _enough(data: FemDataset | ModuleData, fitted: Mask, law: str) -> None:
-    columns, count = _Columns.of(data), int(fitted.sum())
+    columns, count = _Columns.from_data(data), int(fitted.sum())
     k = columns.tau.shape[1]
     wanted = MINIMUM_STATES if k == 1 else MINIMUM_PER_AXIS * (k + 1)
     if count < wanted:

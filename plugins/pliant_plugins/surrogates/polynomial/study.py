@@ -1,11 +1,11 @@
-"""The form of the published study, stated or fitted: by least squares of moments, or as published.
+"""Fits of the form of the published study: by least squares of moments, or as published.
 
     τ(p, u) = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u)
 
 from the virtual work of an actuation part with the slope k_a(p) = m_a p + b_a and an elastic part with the
-slope k_e(u) = m_e u + b_e (Yao, Howard, Maiolino, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406). The study
-took the coefficients from finite differences of energies; here they are one linear least-squares problem in τ
-itself. b_a and b_e enter as b_a − b_e only, so a fit reports b_a = 0.
+slope k_e(u) = m_e u + b_e (Yao, Howard, Maiolino, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406). The study took the
+coefficients from finite differences of energies; here they follow from one linear least-squares problem in τ. b_a and
+b_e enter as b_a − b_e only, so a fit reports b_a = 0.
 
 The published procedure (`fit_differences`): finite differences of energies and moments.
 
@@ -18,11 +18,11 @@ and the study takes the slope of A for a linear function of p alone, k_a = m_a p
 function of u alone, k_e = m_e u + b_e; then τ = ∫ (k_a − k_e) du + k_n p (Yao, Howard, Maiolino, Adv. Intell. Syst.
 2026, doi 10.1002/aisy.70406).
 
-The paper does not print every step. Assumed here: adjacent states are neighbours in u at one pressure; E stands
-midway between them as ΔU/Δu, A there as the mean moment plus E; k_e and k_a are differences of neighbouring E and A
-and stand midway between those; k_a over p and k_e over u are straight lines of least squares, all differences alike;
-k_n p is the line through zero that is nearest to the moments at u = 0, each interpolated between the two states
-beside it (at pressures whose states lie on one side of u = 0: what the rest of the form leaves of τ there).
+The paper does not print every step. Assumed here: adjacent states are neighbours in u at one pressure; E is ΔU/Δu at
+their midpoint, A there the mean moment plus E; k_e and k_a are differences of neighbouring E and A at the midpoints of
+those; k_a over p and k_e over u are straight lines of least squares, all differences with equal weight; k_n p is the
+line through zero that is nearest to the moments at u = 0, each interpolated between the two adjacent states (at
+pressures whose states are on one side of u = 0: the residual of τ there without k_n p).
 """
 
 from __future__ import annotations
@@ -35,39 +35,16 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset
-from pliant.records.law import Domain, JointKind
-from pliant_plugins.surrogates.config import StatedDomain, StudyCoefficients
+from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 # A state that the others do not determine cannot be left out.
 DETERMINED = 1e-9
 FEWEST_MISSES = 4
-UNITY = np.array([0.0, 1.0])
-
-
-def study_law(
-    coefficients: StudyCoefficients,
-    odd: bool,
-    domain: Domain,
-    actuation_name: str = "pressure_pa",
-    axis: str = "y",
-    joint: JointKind = "revolute",
-) -> PolynomialLaw:
-    """The law of the study's coefficients in SI; `odd` puts u|u| for u²."""
-    k = coefficients
-    table = np.zeros((2, 2 if odd else 3))
-    table[1, 0] = k.k_n
-    table[1, 1] = k.m_a
-    table[0, 1] = k.b_a - k.b_e
-    if not odd:
-        table[0, 2] = -k.m_e / 2
-    return PolynomialLaw(
-        table, UNITY, UNITY, domain, -k.m_e / 2 if odd else 0.0, actuation_name, (axis,), joint
-    )
 
 
 def fit_study(data: FemDataset, odd: bool) -> StudyCoefficients:
-    """Least squares of the moments in the four identifiable coefficients; slopes are not used.
+    """Fit the four identifiable coefficients to the moments by least squares; slopes are not used.
 
     Raises `UserError` when the states do not determine them.
     """
@@ -77,7 +54,7 @@ def fit_study(data: FemDataset, odd: bool) -> StudyCoefficients:
     solution, _, rank, _ = np.linalg.lstsq(columns / scale, data.moment_n_m, rcond=1e-10)
     if rank < 4:
         raise UserError(
-            f"the study's form has four coefficients and the {len(data)} states determine only {rank}: add "
+            f"the published form has four coefficients and the {len(data)} states determine only {rank}: add "
             "states at other pressures and with other moments"
         )
     k_n, m_a, b, m_e = (float(value) for value in solution / scale)
@@ -85,7 +62,7 @@ def fit_study(data: FemDataset, odd: bool) -> StudyCoefficients:
 
 
 def study_bar(law: PolynomialLaw, data: FemDataset) -> ErrorBar | None:
-    """The bar of a fitted law of the study's form: each state's miss, grown to what it is with that state left out."""
+    """Return the bar of a fitted law of the published form, from leave-one-out errors."""
     p, u = data.actuation, data.angle_rad
     columns = _columns(p, u, law.odd != 0.0)
     basis = np.linalg.qr(columns / np.abs(columns).max(axis=0))[0]
@@ -95,24 +72,12 @@ def study_bar(law: PolynomialLaw, data: FemDataset) -> ErrorBar | None:
     if np.sum(known) < FEWEST_MISSES:
         return None
     box = np.vstack([law.domain.actuation, law.domain.deformation])
-    return ErrorBar.of(box, p[known], u[known, None], (missed[known] / free[known])[:, None])
+    return ErrorBar.from_residuals(box, p[known], u[known, None], (missed[known] / free[known])[:, None])
 
 
 def _columns(p: Array, u: Array, odd: bool) -> Array:
-    """(n, 4) what multiplies k_n, m_a, b_a − b_e and m_e."""
+    """Return (n, 4) columns of k_n, m_a, b_a − b_e and m_e."""
     return np.stack([p, p * u, u, -u * (np.abs(u) if odd else u) / 2], axis=1)
-
-
-def stated_domain(domain: StatedDomain | None) -> Domain:
-    """The record of a stated domain; what is not stated is unbounded."""
-    everywhere = Domain.unbounded(1)
-    if domain is None:
-        return everywhere
-    deformation = domain.deformation or domain.extension_m
-    return Domain(
-        everywhere.actuation if domain.actuation is None else np.array(domain.actuation, float),
-        everywhere.deformation if deformation is None else np.array([deformation], float),
-    )
 
 
 # Second differences need three states; a line in p needs two pressures.
@@ -131,7 +96,7 @@ class _AtOneActuation:
     energy: Array
 
     def slopes(self) -> tuple[Array, Array, Array]:
-        """u, k_a and k_e, each (m − 2,)."""
+        """Return u, k_a and k_e, each (m − 2,)."""
         width = np.diff(self.u)
         middle = (self.u[1:] + self.u[:-1]) / 2
         elastic = np.diff(self.energy) / width
@@ -141,12 +106,12 @@ class _AtOneActuation:
 
 
 def energies_known(data: FemDataset) -> bool:
-    """Whether the data have strain energies of states that the environment holds away from the free branch."""
+    """Return whether the data have strain energies of states that the environment constrains off the free branch."""
     return bool(np.any(np.isfinite(data.energy_j) & (data.branch == "constrained")))
 
 
 def fit_differences(data: FemDataset, odd: bool = False) -> StudyCoefficients:
-    """Coefficients by the published procedure; `odd` takes k_e for linear in |u|.
+    """Fit coefficients by the published procedure; `odd` takes k_e for linear in |u|.
 
     Raises:
         UserError: energies are not known on the constrained branch, or too few pressures or angles have states
@@ -182,7 +147,7 @@ def fit_differences(data: FemDataset, odd: bool = False) -> StudyCoefficients:
 
 
 def _rows(data: FemDataset) -> list[_AtOneActuation]:
-    """The pressures that have states enough with known energies."""
+    """Return the pressures with enough states of known energy."""
     known = data.rows(np.isfinite(data.energy_j))
     order = np.argsort(known.actuation, kind="stable")
     steps = np.diff(known.actuation[order]) > SAME * np.ptp(known.actuation)
@@ -204,7 +169,7 @@ def _rows(data: FemDataset) -> list[_AtOneActuation]:
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Slope and intercept of least squares."""
+    """Fit slope and intercept by least squares."""
     centre = x.mean()
     slope = float((x - centre) @ y / ((x - centre) @ (x - centre)))
     return slope, float(y.mean() - slope * centre)
@@ -213,7 +178,7 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 def _at_zero(
     row: _AtOneActuation, driven: tuple[float, float], elastic: tuple[float, float], odd: bool
 ) -> float:
-    """τ at u = 0 under the row's actuation, with the lines k_a and k_e."""
+    """Return τ at u = 0 under the row's actuation, with the lines k_a and k_e."""
     if row.u[0] <= 0.0 <= row.u[-1]:
         return float(np.interp(0.0, row.u, row.tau))
     nearest = int(np.argmin(np.abs(row.u)))

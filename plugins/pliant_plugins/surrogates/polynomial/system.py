@@ -17,13 +17,13 @@ SLOPE_WEIGHT = 0.2
 POTENTIAL_WEIGHT = 1.0
 FOLDS = 6
 SEED = 0
-# States closer than this, in scaled coordinates, stand on one level.
+# States closer than this, in scaled coordinates, are on one level.
 LEVEL = 1e-3
-# A bench meets its levels only nearly: states in groups narrower than this, and further apart, stand on levels too.
+# A bench reaches its levels only approximately: states in groups narrower than this, and further apart, count too.
 JITTER = 0.1
 # Of up to this many levels two are left when an inner one is left out: they determine a straight line.
 FEW_LEVELS = 3
-# States are a grid where their levels have at most so many crossings for each state.
+# States are a grid if their levels have at most this number of crossings per state.
 CROSSINGS = 2.0
 
 Terms = NDArray[np.int64]
@@ -36,10 +36,10 @@ class System:
     Attributes:
         x, v, values: (n,) the states.
         range: max − min of the effort, N·m.
-        potential, travel: (n,) Π = U − p·travel and −∂Π/∂x, scaled; NaN where a state does not know both.
+        potential, travel: (n,) Π = U − p·travel and −∂Π/∂x, scaled; NaN if a state lacks one of them.
         few: whether the data have so few levels of x, of v, that terms must be linear in it.
         folds: masks (n,) of states that are left out together (`_folds`).
-        grid: whether the states stand on the crossings of levels, so that neighbours give single states away.
+        grid: whether the states are on crossings of levels, so that neighbours predict left-out single states.
     """
 
     def __init__(self, data: FemDataset, domain: Domain) -> None:
@@ -59,9 +59,9 @@ class System:
         held, unit = data.energy_j - data.actuation * travel, self.range * self.v_map[1]
         self.potential = held / unit
         self.travel = np.where(np.isfinite(held), travel, np.nan) * self.x_map[1] / unit
-        # Slopes come from computations, which meet their levels and tell more of each than one value.
+        # Slopes are from computations, which reach their levels exactly and give more than one value for each.
         slopes_known = [bool(np.isfinite(slope).any()) for slope in self.slopes]
-        levels = [levels_of(c, 0.0 if any(slopes_known) else JITTER) for c in (self.x, self.v)]
+        levels = [coordinate_levels(c, 0.0 if any(slopes_known) else JITTER) for c in (self.x, self.v)]
         self.few = [
             bool(level.max() < FEW_LEVELS) and not known
             for level, known in zip(levels, slopes_known, strict=True)
@@ -71,7 +71,7 @@ class System:
         self.grid = bool(crossings <= CROSSINGS * len(self.x))
 
     def rows(self, terms: Terms) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Matrix (m, k), right-hand side (m,), state of each row (m,); the n rows of values come first.
+        """Return matrix (m, k), right-hand side (m,), state of each row (m,); the n rows of values come first.
 
         The effort τ of a term is T_i(x) T_j(v), its energy Π the integral −T_i ∫T_j from v = 0. Terms with j = −1 are
         those of Π that bear no effort, T_i(x); with them Π and its slope by x are fitted too.
@@ -100,7 +100,7 @@ class System:
         return np.concatenate(matrix), np.concatenate(right), np.concatenate(state)
 
     def law(self, terms: Terms, solution: Array) -> PolynomialLaw:
-        """The law of Chebyshev coefficients, in monomials of x and v."""
+        """Return the law of Chebyshev coefficients, in monomials of x and v."""
         bears = terms[:, 1] >= 0
         terms, solution = terms[bears], solution[bears]
         table = np.zeros(terms.max(axis=0) + 1)
@@ -115,23 +115,23 @@ class System:
             self.domain,
             actuation_name=data.actuation_name,
             axes=(data.axis,),
-            joint=joint_of(data),
+            joint=one_axis_joint(data),
         )
 
 
 def values_at(terms: Terms, x: Array, v: Array) -> Array:
-    """(n, k) efforts of the terms at points of [−1, 1]²."""
+    """Return (n, k) efforts of the terms at points of [−1, 1]²."""
     X, V = (chebyshev.chebvander(c, int(terms[:, k].max())) for k, c in enumerate((x, v)))
     return X[:, terms[:, 0]] * V[:, np.maximum(terms[:, 1], 0)] * (terms[:, 1] >= 0)
 
 
-def joint_of(data: FemDataset) -> JointKind:
-    """The joint of a law of one axis: of a spherical joint's data each axis turns alone."""
+def one_axis_joint(data: FemDataset) -> JointKind:
+    """Return the joint of a one-axis law: each axis of a spherical joint's data turns alone."""
     return "prismatic" if data.joint == "prismatic" else "revolute"
 
 
 def _folds(levels: list[NDArray[np.int64]]) -> list[Mask]:
-    """States left out together: whole inner levels of actuation, then of angle.
+    """Return states left out together: whole inner levels of actuation, then of angle.
 
     FEM states stand on a grid. With single states left out, a polynomial that swings between the levels
     predicts the missing state from its row and column, and the error looks far too small.
@@ -145,8 +145,8 @@ def _folds(levels: list[NDArray[np.int64]]) -> list[Mask]:
     return folds or [np.arange(n) == k for k in range(n)]
 
 
-def levels_of(coordinate: Array, jitter: float = 0.0) -> NDArray[np.int64]:
-    """(n,) number of each state's level, from 0 in ascending order.
+def coordinate_levels(coordinate: Array, jitter: float = 0.0) -> NDArray[np.int64]:
+    """Return (n,) number of each state's level, from 0 in ascending order.
 
     Groups narrower than `jitter` and further apart are levels; where there are other groups, equal values are.
     """
@@ -161,7 +161,7 @@ def levels_of(coordinate: Array, jitter: float = 0.0) -> NDArray[np.int64]:
 
 
 def _chebyshev(x: Array, degree: int) -> tuple[Array, Array]:
-    """T_0…T_degree and their derivatives at x, both (n, degree + 1)."""
+    """Return T_0…T_degree and their derivatives at x, both (n, degree + 1)."""
     values = np.asarray(chebyshev.chebvander(x, degree), dtype=np.float64)
     slopes = np.zeros_like(values)
     for k in range(1, degree + 1):
@@ -170,6 +170,6 @@ def _chebyshev(x: Array, degree: int) -> tuple[Array, Array]:
 
 
 def _monomials(coefficients: Array) -> Array:
-    """Monomial coefficients of a Chebyshev series, same length (cheb2poly drops trailing zeros)."""
+    """Return monomial coefficients of a Chebyshev series, same length (cheb2poly drops trailing zeros)."""
     powers = chebyshev.cheb2poly(coefficients)
     return np.pad(powers, (0, len(coefficients) - len(powers)))

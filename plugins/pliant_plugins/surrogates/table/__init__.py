@@ -1,1 +1,1 @@
-"""Joint laws from tables: measurements or FEM from elsewhere, interpolated and smoothed as far as they scatter."""
+"""Joint laws from tables: measurements or external FEM, interpolated and smoothed according to their scatter."""

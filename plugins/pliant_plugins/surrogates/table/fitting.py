@@ -1,4 +1,4 @@
-"""Penalised least squares of a tensor-product spline, smoothed as far as states left out ask for.
+"""Penalised least squares of a tensor-product spline, with smoothing chosen by cross-validation.
 
     min Σ (τ(p_m, u_m) − τ_m)² + slopes + Σ_c λ_c |D_c c|²
 
@@ -21,7 +21,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
-from pliant_plugins.surrogates.polynomial.system import levels_of
+from pliant_plugins.surrogates.polynomial.system import coordinate_levels
 from pliant_plugins.surrogates.records import affordable
 from pliant_plugins.surrogates.table import spline
 
@@ -34,7 +34,7 @@ SMOOTHING = tuple(10.0**k for k in range(-10, 3, 2))
 FINER = (0.01, 0.1, 1.0, 10.0, 100.0)
 RIDGE = 1e-12
 # Falling everywhere may cost this factor and share of the range; snap-through that is in the data costs more.
-FLATTEST = 0.02  # of the mean slope: what a law that must fall keeps everywhere
+FLATTEST = 0.02  # share of the mean slope that a law that must fall keeps everywhere
 PUSH, PUSHES = 1e3, 60
 
 Mask = NDArray[np.bool_]
@@ -42,7 +42,7 @@ Smoothing = tuple[int, float, float]  # order of differences, λ along pressure,
 
 
 @dataclass(frozen=True, eq=False)
-class States:
+class TableStates:
     """n states of one axis: at (n, m + 1) actuations and u, tau (n,), slopes (n, m + 1) by each; unknown ones NaN."""
 
     at: Array
@@ -50,18 +50,18 @@ class States:
     slopes: Array
 
     @staticmethod
-    def of(data: FemDataset | ModuleData) -> States:
-        """The states of a data set of one axis, or of a module of one axis."""
+    def from_data(data: FemDataset | ModuleData) -> TableStates:
+        """Collect the states of a data set of one axis, or of a module of one axis."""
         if isinstance(data, FemDataset):
             at, tau = np.column_stack([data.actuation, data.angle_rad]), data.moment_n_m
-            return States(at, tau, np.column_stack([data.dmoment_dp, data.dmoment_du]))
+            return TableStates(at, tau, np.column_stack([data.dmoment_dp, data.dmoment_du]))
         at = np.column_stack([data.actuation, data.deformation])
         slopes = np.column_stack([data.dtau_dp[:, 0], data.dtau_du[:, 0]])
-        return States(at, data.tau[:, 0], slopes)
+        return TableStates(at, data.tau[:, 0], slopes)
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedSpline:
     """Coefficients in the effort's unit, misses (n,) of states left out one by one, and how they were chosen.
 
     `tried` has the error of states left out, a share of the range, by the smoothing.
@@ -74,13 +74,13 @@ class Fitted:
     forced_to_fall: bool
 
 
-def fit_spline(states: States, box: Array, names: str) -> Fitted:
-    """The spline of the states over box (m + 1, 2); one that falls along u where that costs little.
+def fit_spline(states: TableStates, box: Array, names: str) -> FittedSpline:
+    """Fit the spline of the states over box (m + 1, 2); one that falls along u if that costs little.
 
     Raises:
         UserError: the states determine no law; `names` are their coordinates in words.
     """
-    system = System(states, box)
+    system = SplineSystem(states, box)
     tried: dict[Smoothing, float] = {}
 
     def error(smoothing: Smoothing) -> float:
@@ -99,14 +99,14 @@ def fit_spline(states: States, box: Array, names: str) -> Fitted:
         )
     free = found = system.solve(best)
     if system.rises(free):
-        fallen, rmse = system.falling(best), system.rmse_of_fitted
+        fallen, rmse = system.falling(best), system.fitted_rmse
         if rmse(fallen) <= affordable(max(error(best), rmse(free))):
             found = fallen
     misses = (system.single_misses(best) + (system.value_rows @ (found - free))) * system.range
-    return Fitted(found.reshape(system.shape) * system.range, misses, best, tried, found is not free)
+    return FittedSpline(found.reshape(system.shape) * system.range, misses, best, tried, found is not free)
 
 
-class System:
+class SplineSystem:
     """Normal equations of the states, fold by fold.
 
     Args:
@@ -114,11 +114,11 @@ class System:
         box: (m + 1, 2) of the actuations and u.
     """
 
-    def __init__(self, states: States, box: Array) -> None:
+    def __init__(self, states: TableStates, box: Array) -> None:
         spans = [np.ptp(side) for side in box]
         places = [(c - low) / span for c, low, span in zip(states.at.T, box[:, 0], spans, strict=True)]
         self.range = float(np.ptp(states.tau))
-        levels = [levels_of(c) for c in places]
+        levels = [coordinate_levels(c) for c in places]
         n, m = len(states.tau), len(places) - 1
         cells_p, cells_u = CELLS[m]
         cells = [int(np.clip(level.max(), *cells_p)) for level in levels[:m]]
@@ -156,7 +156,7 @@ class System:
             self._parts.append((part.T @ part, part.T @ self.right[chosen]))
 
     def penalty(self, smoothing: Smoothing) -> Array:
-        """(k, k) Σ λ_p |D_p c|² + λ_u |D_u c|² with a grain that makes it definite."""
+        """Return (k, k) Σ λ_p |D_p c|² + λ_u |D_u c|² with a small ridge that makes it definite."""
         order, in_p, in_u = smoothing
         whole = np.zeros((int(np.prod(self.shape)),) * 2)
         for d, size in enumerate(self.shape):
@@ -167,7 +167,7 @@ class System:
         return whole
 
     def left_out(self, smoothing: Smoothing) -> float:
-        """RMS error of states left out, whole folds at a time; infinite where the rest determines no law."""
+        """Return the RMS error of left-out folds; infinite if the rest determines no law."""
         penalty, squares, count = self.penalty(smoothing), 0.0, 0
         for fold, (normal, moment) in zip(self.folds, self._parts, strict=True):
             try:
@@ -179,11 +179,11 @@ class System:
         return float(np.sqrt(squares / count))
 
     def solve(self, smoothing: Smoothing) -> Array:
-        """(k,) coefficients of all states."""
+        """Solve for the (k,) coefficients of all states."""
         return cho_solve(cho_factor(self.normal + self.penalty(smoothing)), self.moment)
 
     def single_misses(self, smoothing: Smoothing) -> Array:
-        """(n,) predicted − given value of each state, fitted without its value and slopes, in closed form.
+        """Return (n,) predicted − given value of each state, fitted without its value and slopes, in closed form.
 
         With the hat matrix H of its rows b: r_b / (1 − H_bb) (Sherman–Morrison–Woodbury).
         """
@@ -201,11 +201,11 @@ class System:
         return misses
 
     def rises(self, solution: Array) -> bool:
-        """Whether coefficients rise along u somewhere, so that the law may."""
+        """Return whether coefficients rise along u somewhere, so that the law may."""
         return bool(np.any(np.diff(solution.reshape(self.shape), axis=-1) >= 0))
 
     def falling(self, smoothing: Smoothing) -> Array:
-        """Coefficients that fall along u everywhere (Eilers, Stat. Model. 5, 2005): rising pairs are pushed down."""
+        """Return coefficients that fall along u, by a penalty on rising pairs (Eilers, Stat. Model. 5, 2005)."""
         steps = np.kron(np.eye(int(np.prod(self.shape[:-1]))), np.diff(np.eye(self.shape[-1]), axis=0))
         base = self.normal + self.penalty(smoothing)
         solution = self.solve(smoothing)
@@ -221,13 +221,13 @@ class System:
             solution = cho_solve(cho_factor(base + PUSH * pushed.T @ pushed), right)
         return solution
 
-    def rmse_of_fitted(self, solution: Array) -> float:
-        """RMS residual of the fitted values."""
+    def fitted_rmse(self, solution: Array) -> float:
+        """Return RMS residual of the fitted values."""
         return float(np.sqrt(np.mean((self.value_rows @ solution - self.values) ** 2)))
 
 
 def _products(first: Array, second: Array) -> Array:
-    """(n, a b) products of the rows of (n, a) and (n, b)."""
+    """Return (n, a b) products of the rows of (n, a) and (n, b)."""
     return (first[:, :, None] * second[:, None, :]).reshape(len(first), first.shape[1] * second.shape[1])
 
 
@@ -237,7 +237,7 @@ def _roughness(size: int, order: int) -> Array:
 
 
 def _folds(levels: list[NDArray[np.int64]]) -> Iterator[Mask]:
-    """States left out together: whole inner levels where the data stand on levels, and a seeded eighth each."""
+    """Yield states left out together: whole inner levels, if there are any, and a seeded eighth each."""
     random = np.random.default_rng(SEED)
     n = len(levels[0])
     for level in levels:

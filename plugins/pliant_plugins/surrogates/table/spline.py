@@ -18,14 +18,14 @@ Cells = NDArray[np.int64]
 
 
 def place(x: Array, cells: int) -> tuple[Cells, Array]:
-    """(n,) cell and (n,) place in it of points x in [0, 1]."""
+    """Return (n,) cell and (n,) place in it of points x in [0, 1]."""
     scaled = x * cells
     cell = np.clip(np.floor(scaled), 0, cells - 1).astype(np.int64)
     return cell, scaled - cell
 
 
 def weights(t: Array) -> Array:
-    """(n, 4) weights of the values."""
+    """Return (n, 4) weights of the values."""
     s = 1 - t
     outer = (s**3 / 6, t**3 / 6)
     inner = ((4 - 6 * t**2 + 3 * t**3) / 6, (4 - 6 * s**2 + 3 * s**3) / 6)
@@ -33,13 +33,13 @@ def weights(t: Array) -> Array:
 
 
 def slope_weights(t: Array) -> Array:
-    """(n, 4) weights of the derivative by t; times the number of cells, by x."""
+    """Return (n, 4) weights of the derivative by t; times the number of cells, by x."""
     s = 1 - t
     return np.stack([-(s**2) / 2, -2 * t + 1.5 * t**2, 2 * s - 1.5 * s**2, t**2 / 2], axis=-1)
 
 
 def area_weights(t: Array) -> Array:
-    """(n, 5) weights of the quartic spline, for the antiderivative's coefficients."""
+    """Return (n, 5) weights of the quartic spline, for the antiderivative's coefficients."""
     s = 1 - t
     ends = (s**4 / 24, t**4 / 24)
     beside = (
@@ -51,13 +51,13 @@ def area_weights(t: Array) -> Array:
 
 
 def antiderivative(coefficients: Array) -> Array:
-    """(r, n + 4) coefficients of the quartic splines whose derivatives by x are the cubic ones, (r, n + 3)."""
+    """Return (r, n + 4) coefficients of quartic splines whose derivatives by x are the cubic ones, (r, n + 3)."""
     cells = coefficients.shape[1] - (ORDER - 1)
     return np.pad(np.cumsum(coefficients, axis=1), ((0, 0), (1, 0))) / cells
 
 
 def rows(x: Array, cells: int, slopes: bool = False) -> Array:
-    """(n, cells + 3) the matrix that turns coefficients into values, or into derivatives by x."""
+    """Return the (n, cells + 3) matrix that turns coefficients into values, or into derivatives by x."""
     cell, t = place(x, cells)
     matrix = np.zeros((len(x), cells + ORDER - 1))
     each = slope_weights(t) * cells if slopes else weights(t)
@@ -68,12 +68,12 @@ def rows(x: Array, cells: int, slopes: bool = False) -> Array:
 # Numbers before the coefficients in an axis's block of parameters: rows, columns, the box as p low, p high, u low,
 # u high, the reaches L and the reference gains on both sides in p.
 HEADER = 10
-# Stands for "without limit", so that parameters are finite numbers.
+# Represents "without limit", so that parameters are finite numbers.
 UNBOUNDED = 1e300
 
 
 def weight(m: int, t: float) -> float:
-    """Weight m of a uniform cubic B-spline."""
+    """Return weight m of a uniform cubic B-spline."""
     s = 1.0 - t
     if m == 0:
         return s * s * s / 6.0
@@ -85,7 +85,7 @@ def weight(m: int, t: float) -> float:
 
 
 def slope_weight(m: int, t: float) -> float:
-    """Its derivative by t."""
+    """Return the derivative of `weight` by t."""
     s = 1.0 - t
     if m == 0:
         return -s * s / 2.0
@@ -101,7 +101,7 @@ def axes_effort(
 ) -> None:
     """Fill tau (a,), dtau_dp (a,) and the diagonal dtau_du (a, a) of `a` independent axes.
 
-    `parameters` holds one block for each axis, as `block` writes it.
+    `parameters` has one block for each axis, as `block` writes it.
     """
     start = 0
     for k in range(len(tau)):
@@ -153,7 +153,7 @@ ACTING, GAINS = (2, 3, 6, 7), slice(8, 10)
 
 
 def block(coefficients: Array, box: Array, reach: Array, reference_gain: Array) -> Array:
-    """(HEADER + I·J,) parameters of one axis: coefficients (I, J), box (2, 2) of p and u."""
+    """Return (HEADER + I·J,) parameters of one axis: coefficients (I, J), box (2, 2) of p and u."""
     limits = np.minimum(reach, UNBOUNDED)
     return np.concatenate([coefficients.shape, box.ravel(), limits, reference_gain, coefficients.ravel()])
 
@@ -161,7 +161,7 @@ def block(coefficients: Array, box: Array, reach: Array, reference_gain: Array) 
 def several_table_effort(
     actuation: Array, deformation: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array
 ) -> None:
-    """The law of m actuations and one axis (`SeveralTableLaw`): fills tau (1,), dtau_dp (m,) and dtau_du (1, 1).
+    """Fill tau (1,), dtau_dp (m,), dtau_du (1, 1) of m actuations and one axis (`SeveralTableLaw`).
 
     c: m; sizes of the table (m + 1,); box (m + 1, 2); reaches (m,); gains below and above (m, 2); the table.
     """
@@ -218,7 +218,7 @@ def several_table_effort(
 def _fill(
     inside: float, away: float, low: float, high: float, cells: int, work: Array, d: int, m: int
 ) -> None:
-    """The four weights of coordinate d at a place `away` from the box's nearest, their slopes, and the first cell."""
+    """Fill the four weights of coordinate d, `away` from the box, their slopes, and the first cell."""
     x = (inside - low) / (high - low) * cells
     cell = min(int(x), cells - 1)
     scale = cells / (high - low)

@@ -4,10 +4,10 @@ One axis under several actuations has a tensor-product spline of all of them and
 
     τ(a, u) = T(ã, u) + Σ_j (a_j − ã_j) G_j,   T = Σ c_{i…j} Π_d B_i(x_d) B_j(v),   ã = â + L tanh(δ/L)
 
-with B uniform cubic B-splines over the box, δ how far an actuation lies outside it and â the nearest place in it.
-Outside the box each B goes on along its tangent, so T is multilinear there and τ is C¹. The actuations' influence on
-the stiffness saturates at L (`REACHES`, chosen so that at least half of the least stiffness of the box is left), and
-G_j, the gain at the border at rest, pushes on without end and without changing the stiffness.
+with B uniform cubic B-splines over the box, δ the distance of an actuation outside it and â the nearest point in it.
+Outside the box each B continues along its tangent, so T is multilinear there and τ is C¹. The actuations' influence on
+the stiffness saturates at L (`REACHES`, chosen so that at least half of the least stiffness of the box remains), and
+the effort of the gain G_j at the border at rest grows without bound and does not change the stiffness.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from pliant_plugins.surrogates.polynomial.axes import AxesLaw, AxesSurrogate
 from pliant_plugins.surrogates.polynomial.law import largest_slope
 from pliant_plugins.surrogates.polynomial.several_fit import largest_slope as largest_slope_of_several
 from pliant_plugins.surrogates.polynomial.states import split
-from pliant_plugins.surrogates.polynomial.system import joint_of
-from pliant_plugins.surrogates.records import arrays_of, law_record, require_kind, shared_fields
+from pliant_plugins.surrogates.polynomial.system import one_axis_joint
+from pliant_plugins.surrogates.records import float_arrays, law_record, require_kind, shared_fields
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.fitting import CELLS, SEED, Fitted, States, fit_spline
+from pliant_plugins.surrogates.table.fitting import CELLS, SEED, FittedSpline, TableStates, fit_spline
 from pliant_plugins.surrogates.table.spline import (
     ACTING,
     GAINS,
@@ -92,7 +92,7 @@ class SeveralTableLaw(JointLaw):
         return found
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """τ (n, 1), ∂τ/∂a (n, 1, m) and ∂τ/∂u (n, 1, 1) at a (n, m) and u (n, 1)."""
+        """Return τ (n, 1), ∂τ/∂a (n, 1, m) and ∂τ/∂u (n, 1, 1) at a (n, m) and u (n, 1)."""
         bent, rate, outer = self._bent(np.asarray(actuation, float))
         tau, gain, slope = self._spline(bent, np.asarray(deformation, float)[:, 0])
         tau = tau + np.sum((actuation - bent) * outer, axis=1)
@@ -100,7 +100,7 @@ class SeveralTableLaw(JointLaw):
         return Effort(tau[:, None], gain[:, None, :], slope[:, None, None])
 
     def potential(self, actuation: Array, deformation: Array) -> Array:
-        """Π(a, u) − Π(a, 0) in J, shape (n,), in closed form, continuation included."""
+        """Return Π(a, u) − Π(a, 0) in J, shape (n,), in closed form, continuation included."""
         a, u = np.asarray(actuation, float), np.asarray(deformation, float)[:, 0]
         bent, _, outer = self._bent(a)
         table, _ = self._rows(bent)
@@ -108,22 +108,22 @@ class SeveralTableLaw(JointLaw):
         return self._area(table, np.zeros_like(u)) - self._area(table, u) - pushed
 
     def scalar(self) -> ScalarLaw:
-        """The compiled form: see `several_table_effort`."""
+        """Return the compiled form: see `several_table_effort`."""
         header = [len(self.actuations), *self.coefficients.shape]
         parts = [self.domain.box, self.reach, self.gain, self.coefficients]
         return ScalarLaw(several_table_effort, np.concatenate([header, *map(np.ravel, parts)]).astype(float))
 
     def record(self) -> LawRecord:
-        """Coefficients, box and error bar; `of_record` makes the same law of them."""
+        """Return coefficients, box and error bar; `from_record` makes the same law of them."""
         return law_record(KIND, self, {"coefficients": self.coefficients}, form=FORM)
 
     @staticmethod
-    def of_record(record: LawRecord) -> SeveralTableLaw:
-        """The law of a record; both evaluate to the same bits."""
-        return SeveralTableLaw(**arrays_of(record, "coefficients"), **shared_fields(record))
+    def from_record(record: LawRecord) -> SeveralTableLaw:
+        """Return the law of a record, identical bit for bit."""
+        return SeveralTableLaw(**float_arrays(record, "coefficients"), **shared_fields(record))
 
     def _steepest(self, reach: Array) -> float:
-        """The largest ∂τ/∂u as far outside as `reach` (m,), on a grid."""
+        """Return the largest ∂τ/∂u at distances up to `reach` (m,) outside, on a grid."""
         low, high = self.domain.actuation.T
         levels = np.linspace(low - reach, high + reach, 3).T
         first, last = (float(side) for side in self.domain.deformation[0])
@@ -132,7 +132,7 @@ class SeveralTableLaw(JointLaw):
         return float(self._spline(at[:, :-1], at[:, -1])[2].max())
 
     def _bent(self, actuation: Array) -> tuple[Array, Array, Array]:
-        """ã, how fast it follows a, and G of the side that was left, (n, m) each."""
+        """Return ã, its derivative by a, and G of the side that was left, (n, m) each."""
         low, high = self.domain.actuation.T
         inside = np.clip(actuation, low, high)
         excess = actuation - inside
@@ -141,14 +141,14 @@ class SeveralTableLaw(JointLaw):
         return inside + self.reach * bent, 1 - bent * bent, outer
 
     def _spline(self, a: Array, u: Array) -> tuple[Array, Array, Array]:
-        """T (n,), ∂T/∂a (n, m) and ∂T/∂u (n,) at places a (n, m), u (n,), along tangents outside the box."""
+        """Return T (n,), ∂T/∂a (n, m) and ∂T/∂u (n,) at places a (n, m), u (n,), along tangents outside the box."""
         table, by_a = self._rows(a)
         value, slope = _weights(u, self.domain.deformation[0], self.coefficients.shape[-1])
         tau, steep = np.sum(table * value, axis=1), np.sum(table * slope, axis=1)
         return tau, np.einsum("nmj,nj->nm", by_a, value), steep
 
     def _rows(self, a: Array) -> tuple[Array, Array]:
-        """(n, J + 3) coefficients of the spline of u at actuations a (n, m), and (n, m, J + 3) their slopes by a."""
+        """Return (n, J + 3) coefficients of the spline of u at actuations a (n, m), and (n, m, J + 3) slopes by a."""
         n, m = a.shape
         each = [_weights(a[:, d], self.domain.actuation[d], self.coefficients.shape[d]) for d in range(m)]
         found = []
@@ -160,7 +160,7 @@ class SeveralTableLaw(JointLaw):
         return found[0], np.stack(found[1:], axis=1)
 
     def _area(self, table: Array, u: Array) -> Array:
-        """(n,) ∫ T du from some angle, the same for one row of `table` (n, J + 3), to u."""
+        """Return (n,) ∫ T du from a fixed angle, the same for one row of `table` (n, J + 3), to u."""
         low, high = self.domain.deformation[0]
         cells = table.shape[1] - 3
         inside = np.clip(u, low, high)
@@ -176,7 +176,7 @@ class SeveralTableLaw(JointLaw):
 
 
 def _weights(values: Array, limits: Array, size: int) -> tuple[Array, Array]:
-    """(n, size) weights of all coefficients of one coordinate and their slopes; on tangents outside the limits."""
+    """Return (n, size) weights of one coordinate's coefficients and their slopes; on tangents outside the limits."""
     low, high = limits
     inside = np.clip(values, low, high)
     cells = size - 3
@@ -215,19 +215,19 @@ class TableLaw(ContinuedLaw):
         self._continue()
 
     def scalar(self) -> ScalarLaw:
-        """The same law for compiled engines; the continuation's reaches are held parameters there."""
+        """Return the law as a scalar function for compiled engines; the continuation's reaches are fixed parameters."""
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         parameters = block(self.coefficients, box, self._reach, self._reference_gain)
         return ScalarLaw(axes_effort, parameters, SHARED)
 
     def record(self) -> LawRecord:
-        """Coefficients, box and error bar; `TableSurrogate.load` makes the same law of them."""
+        """Return coefficients, box and error bar; `TableSurrogate.load` makes the same law of them."""
         return law_record(KIND, self, {"coefficients": self.coefficients})
 
     @staticmethod
-    def of_record(record: LawRecord) -> TableLaw:
-        """The law of a record; both evaluate to the same bits."""
-        return TableLaw(**arrays_of(record, "coefficients"), **shared_fields(record))
+    def from_record(record: LawRecord) -> TableLaw:
+        """Return the law of a record, identical bit for bit."""
+        return TableLaw(**float_arrays(record, "coefficients"), **shared_fields(record))
 
     def _inside(self, p: Array, u: Array) -> Array:
         (x, by_p), (v, by_u) = self._scaled(p, u)
@@ -251,7 +251,7 @@ class TableLaw(ContinuedLaw):
         return np.einsum("nam,nmk,nk->an", in_x, near, spline.area_weights(t) / by_u)
 
     def _scaled(self, p: Array, u: Array) -> tuple[tuple[Array, float], tuple[Array, float]]:
-        """x, v ∈ [0, 1] and their slopes by p and u."""
+        """Return x, v ∈ [0, 1] and their slopes by p and u."""
         (p_low, p_high), (u_low, u_high) = self.domain.actuation, self.domain.deformation[0]
         by_p, by_u = 1 / (p_high - p_low), 1 / (u_high - u_low)
         return ((p - p_low) / (p_high - p_low), float(by_p)), ((u - u_low) / (u_high - u_low), float(by_u))
@@ -263,16 +263,18 @@ MOST_INPUTS = max(CELLS)
 
 
 class TableSurrogate(AxesSurrogate):
-    """Cubic laws interpolated from scattered states, smoothed as far as states left out ask for.
+    """Cubic laws interpolated from scattered states, with smoothing chosen by cross-validation.
 
-    `FitReport.details` holds what was tried, the residuals and the errors of the study's form on the same states.
+    `FitReport.details` contains the smoothings tried, the residuals and the errors of the published form on the same
+    states.
     """
 
     config: TableConfig
     several_actuations = True
+    gets_untrusted = True  # `states.split` judges them
 
-    def of_axes(self) -> dict[str, TableSurrogate]:
-        """The surrogates of the axes of a spherical joint, where the config has them."""
+    def axis_surrogates(self) -> dict[str, TableSurrogate]:
+        """Return the surrogates of the axes of a spherical joint, if the config has them."""
         each = {} if self.config.axes is None else self.config.axes.each()
         return {axis: TableSurrogate(TableConfig(data=one.data)) for axis, one in each.items()}
 
@@ -284,20 +286,22 @@ class TableSurrogate(AxesSurrogate):
         """
         states = split(data, "a table law")
         fit = states.fit
-        found = fit_spline(States.of(fit), states.domain.box, f"{fit.actuation_name} and angle_rad")
+        found = fit_spline(
+            TableStates.from_data(fit), states.domain.box, f"{fit.actuation_name} and angle_rad"
+        )
         told = np.sort(np.random.default_rng(SEED).permutation(len(fit))[:MOST_PLACES])
         angles = fit.angle_rad[told, None]
         box, misses = states.domain.box, found.misses[told, None]
-        bar = ErrorBar.of(box, fit.actuation[told], angles, misses, inner_scores=True)
+        bar = ErrorBar.from_residuals(box, fit.actuation[told], angles, misses, inner_scores=True)
         named = (data.actuation_name, (data.axis,))
-        law = TableLaw(found.coefficients, states.domain, *named, joint_of(data), bar)
+        law = TableLaw(found.coefficients, states.domain, *named, one_axis_joint(data), bar)
         return FittedLaw(law, scoring.report(law, states, _details(found, largest_slope(law))))
 
     def fit_module(self, data: ModuleData) -> FittedLaw:
-        """Whole states: each axis by itself under one actuation; of several the one axis that the module has.
+        """Fit states: each axis separately under one actuation; under several, the only axis of the module.
 
         Raises:
-            UserError: as `fit` does; several axes, or more than `MOST_INPUTS`, of several actuations.
+            UserError: as for `fit`; under several actuations, more than one axis or more than `MOST_INPUTS` actuations.
         """
         m = len(data.actuations)
         if m == 1:
@@ -309,25 +313,27 @@ class TableSurrogate(AxesSurrogate):
             )
         states = split(data, f"a table law of {m} actuations")
         fit = states.fit
-        found = fit_spline(States.of(fit), states.domain.box, f"{fit.actuation_name} and u")
-        bar = ErrorBar.of(states.domain.box, fit.actuation, fit.deformation, found.misses[:, None])
+        found = fit_spline(TableStates.from_data(fit), states.domain.box, f"{fit.actuation_name} and u")
+        bar = ErrorBar.from_residuals(
+            states.domain.box, fit.actuation, fit.deformation, found.misses[:, None]
+        )
         named = (data.actuation_name, data.axes, data.joint)
         law = SeveralTableLaw(found.coefficients, states.domain, *named, bar)
         slope = largest_slope_of_several(law)
         return FittedLaw(law, scoring.report_axes(law, states, _details(found, slope), slope))
 
     def load(self, record: LawRecord) -> JointLaw:
-        """The law of a record that `TableLaw.record` or `AxesLaw.record` wrote."""
+        """Return the law of a record that `TableLaw.record` or `AxesLaw.record` wrote."""
         require_kind(record, KIND)
         if record.values.get("form") == FORM:
-            return SeveralTableLaw.of_record(record)
+            return SeveralTableLaw.from_record(record)
         if record.values["joint"] == "spherical":
-            return AxesLaw.of_record(record, TableLaw.of_record)
-        return TableLaw.of_record(record)
+            return AxesLaw.from_record(record, TableLaw.from_record)
+        return TableLaw.from_record(record)
 
 
-def _details(found: Fitted, slope: float) -> dict[str, Any]:
-    """What a report tells of the choice; `slope` is the largest ∂τ/∂u in the box."""
+def _details(found: FittedSpline, slope: float) -> dict[str, Any]:
+    """Return the report's entries on the choice; `slope` is the largest ∂τ/∂u in the box."""
     names = ("order", "actuation", "deformation", "rmse_of_range")
     return {
         "form": "table",

@@ -23,8 +23,8 @@ class ObjectConfig(FrozenModel):
     """An egg (ellipsoid of revolution), an upright cylinder, or a part from a file; ``object: egg`` is short.
 
     An egg is 30 mm in radius, 65 mm high and weighs 50 g, a cylinder 16 mm, 35 mm and 10 g, unless said otherwise.
-    No ellipsoid that is higher than wide stands by itself: an egg has a foot, a disc between its curved end and
-    the floor.
+    An upright ellipsoid that is higher than wide is unstable: an egg has a foot, a disc between its curved end and the
+    floor.
     """
 
     shape: Literal["egg", "cylinder"] | None = Field(default=None, description="this or `mesh`")

@@ -1,4 +1,4 @@
-"""One grasp: lower, actuate, hold, lift, hold; what is seen on the way."""
+"""One grasp: lower, actuate, hold, lift, hold; and its record."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pliant.interfaces.physics import SceneSimulation
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, OutsideDomain
 from pliant.records.scene import Contact, SceneState
@@ -34,7 +34,7 @@ class Phase:
         return np.array([0.0, 0.0, self.rise_m / self.duration_s])
 
     def steps(self) -> Iterator[tuple[float, float, bool]]:
-        """(duration, share of the actuation in it, record a frame at its end) of each step."""
+        """Yield (duration, share of the actuation in it, record a frame at its end) of each step."""
         ramps = self.start != self.end
         frames = max(1, round(self.duration_s / RECORD_S))
         parts = max(1, round(self.duration_s / frames / COMMAND_S)) if ramps else 1
@@ -44,7 +44,7 @@ class Phase:
 
 
 def phases(config: GraspConfig) -> tuple[Phase, ...]:
-    """The phases of the episode; those without duration are left out."""
+    """Return the phases of the episode; those without duration are left out."""
     found = (
         Phase("lower", config.lower_time_s, -config.lower_height_m, 0.0, 0.0),
         Phase("actuate", config.ramp_time_s, 0.0, 0.0, 1.0),
@@ -56,8 +56,8 @@ def phases(config: GraspConfig) -> tuple[Phase, ...]:
 
 
 @dataclass(eq=False)
-class Episode:
-    """What was seen: a state and the touching points at each frame, the names of the phases that they end in."""
+class GraspEpisode:
+    """The record of an episode: state and contacts at each frame, and the names of the phases that they end in."""
 
     states: list[SceneState] = field(default_factory=list)
     contacts: list[tuple[Contact, ...]] = field(default_factory=list)
@@ -76,18 +76,18 @@ class Episode:
             if key not in self.outside or abs(entry.excess) > abs(self.outside[key].excess):
                 self.outside[key] = entry
 
-    def last_of(self, phase: str) -> int:
-        """Index of the last frame of a phase."""
+    def last_frame(self, phase: str) -> int:
+        """Return index of the last frame of a phase."""
         return len(self.phase) - 1 - self.phase[::-1].index(phase)
 
     def during(self, phase: str) -> list[int]:
-        """Indices of the frames of a phase."""
+        """Return indices of the frames of a phase."""
         return [k for k, name in enumerate(self.phase) if name == phase]
 
 
-def play(simulation: SceneSimulation, config: GraspConfig, actuation: dict[str, float]) -> Episode:
+def play(simulation: SceneSimulation, config: GraspConfig, actuation: dict[str, float]) -> GraspEpisode:
     """Drive a scene at rest through all phases; `actuation` is the full value of each input of a finger."""
-    episode = Episode()
+    episode = GraspEpisode()
     arms = len(simulation.scene.arms)
     episode.see(simulation, "start")
     for phase in phases(config):

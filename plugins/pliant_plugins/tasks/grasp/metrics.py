@@ -1,4 +1,4 @@
-"""What an episode says: rise, forces, slip, creep, the mode of the grasp and its reward (docs/grasping.md)."""
+"""Metrics of an episode: rise, forces, slip, creep, the mode of the grasp and its reward (docs/grasping.md)."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pliant.formatting import quantity
 from pliant.records.design import Array
 from pliant.records.scene import Contact, Part, Scene
 from pliant_plugins.tasks.grasp.config import GraspConfig
-from pliant_plugins.tasks.grasp.episode import Episode
+from pliant_plugins.tasks.grasp.episode import GraspEpisode
 
 Mode = Literal["miss", "touch", "slip", "stable"]
 MODES: tuple[Mode, ...] = ("miss", "touch", "slip", "stable")
 SCORES: dict[Mode, float] = {"miss": -1.0, "touch": 0.5, "slip": 1.0, "stable": 2.0}
 LIFTED_M = 0.005  # a smaller rise is a tilt or a push, no lifting
 HELD_SHARE = 0.5  # of the lift: an object that ends lower was not carried
+DEEP = 0.05  # of the object's radius: fingers deeper in it feel the contact's spring, not its surface
 SINKING_M_S = 0.002  # an object that sinks faster in the final hold is on its way out
 
 
@@ -31,8 +33,8 @@ class Grip:
     touching_share: float
 
     @staticmethod
-    def of(contacts: Sequence[Contact], scene: Scene) -> Grip:
-        """Sums over the contacts between arms and objects."""
+    def from_contacts(contacts: Sequence[Contact], scene: Scene) -> Grip:
+        """Return sums over the contacts between arms and objects."""
         held = [c for c in contacts if c.first.kind == "arm" and c.second.kind == "object" and c.normal_n > 0]
         bodies = sum(1 for arm in scene.arms for shapes in arm.chain.shapes[1:] if shapes)
         return Grip(
@@ -43,12 +45,12 @@ class Grip:
 
 
 def pressing_between_fingers_n(contacts: Sequence[Contact]) -> float:
-    """Σ of the normal forces (N) of fingers on each other, and on themselves."""
+    """Return Σ of the normal forces (N) of fingers on each other, and on themselves."""
     return sum(c.normal_n for c in contacts if c.first.kind == c.second.kind == "arm")
 
 
 def contact_rows(contacts: Sequence[Contact]) -> list[dict[str, Any]]:
-    """Each touching point that carries a force, SI: what touches what, where, the normal and the friction force.
+    """Return a row per contact that carries a force, SI: the two bodies, the position, the normal and friction forces.
 
     Fingers and their bodies are numbered from 1, the base piece is body 0. `force_n` (3,) is the whole force on the
     second body in the world, `normal_n` and `friction_n` are the sizes of its parts across and along the surface.
@@ -71,6 +73,25 @@ def contact_rows(contacts: Sequence[Contact]) -> list[dict[str, Any]]:
     ]
 
 
+def deepest_m(episode: GraspEpisode) -> float:
+    """Return how far any finger was in the object during an episode."""
+    touches = (contact for contacts in episode.contacts for contact in contacts)
+    return max(
+        (c.depth_m for c in touches if {c.first.kind, c.second.kind} == {"arm", "object"}), default=0.0
+    )
+
+
+def sunk_in(depth_m: float, radius_m: float) -> str:
+    """Return a sentence where fingers were deeper in the object than contact is meant to be, or ""."""
+    if depth_m <= DEEP * radius_m:
+        return ""
+    return (
+        f"Fingers sink up to {quantity(depth_m, 'm', 2)} into the object, of {quantity(radius_m, 'm', 2)} radius: "
+        "contact is that soft in the engine, and forces and rise are no surer than that. Press less, or make it harder "
+        "(physics.contact_stiffness of mujoco)."
+    )
+
+
 @dataclass(frozen=True)
 class TrialMetrics:
     """One trial, SI. Heights are rises of the object's centre of mass over its place at the start.
@@ -81,7 +102,7 @@ class TrialMetrics:
         efficiency: share of the fingers' moving bodies that touch the object, mean over the final hold.
         slip: share of the lift that the object did not follow, 0 to 1.
         creep_m_s: speed at which the object sinks in the final hold.
-        mode: see `mode_of`.
+        mode: see `grasp_mode`.
         between_n: normal forces of fingers on fingers, mean over the final hold.
     """
 
@@ -97,7 +118,7 @@ class TrialMetrics:
 
     @property
     def friction_to_normal(self) -> float:
-        """Σ|friction| / Σ normal; 0 where nothing is held."""
+        """Return Σ|friction| / Σ normal; 0 without contact."""
         return self.friction_n / self.normal_n if self.normal_n > 0 else 0.0
 
     @property
@@ -106,14 +127,14 @@ class TrialMetrics:
         return SCORES[self.mode]
 
 
-def trial_metrics(episode: Episode, scene: Scene, config: GraspConfig) -> TrialMetrics:
-    """What one episode comes to: rise, forces, slip, creep and mode."""
+def trial_metrics(episode: GraspEpisode, scene: Scene, config: GraspConfig) -> TrialMetrics:
+    """Evaluate one episode: rise, forces, slip, creep and mode."""
     rise = _rise_m(episode, scene)
     final = episode.during("final")
-    grips = [Grip.of(episode.contacts[k], scene) for k in final]
+    grips = [Grip.from_contacts(episode.contacts[k], scene) for k in final]
     time = np.array([episode.states[k].time_s for k in final])
     creep = -float(np.polyfit(time, rise[final], 1)[0]) if len(final) > 1 else 0.0
-    touched = any(Grip.of(contacts, scene).normal_n > 0 for contacts in episode.contacts)
+    touched = any(Grip.from_contacts(contacts, scene).normal_n > 0 for contacts in episode.contacts)
     z_max, z_end = float(rise.max()), float(rise[-1])
     return TrialMetrics(
         z_max_m=z_max,
@@ -124,12 +145,12 @@ def trial_metrics(episode: Episode, scene: Scene, config: GraspConfig) -> TrialM
         efficiency=float(np.mean([grip.touching_share for grip in grips])),
         slip=float(np.clip(1.0 - z_end / config.lift_height_m, 0.0, 1.0)),
         creep_m_s=creep,
-        mode=mode_of(touched, z_max, z_end, creep, config.lift_height_m),
+        mode=grasp_mode(touched, z_max, z_end, creep, config.lift_height_m),
     )
 
 
-def mode_of(touched: bool, z_max_m: float, z_end_m: float, creep_m_s: float, lift_m: float) -> Mode:
-    """The mode of a grasp.
+def grasp_mode(touched: bool, z_max_m: float, z_end_m: float, creep_m_s: float, lift_m: float) -> Mode:
+    """Return the mode of a grasp.
 
     miss: no finger ever pressed on the object. touch: the object never rose by 5 mm. stable: at the end it is up
     by at least half the lift and sinks by no more than 2 mm/s. slip: everything else.
@@ -144,7 +165,7 @@ def mode_of(touched: bool, z_max_m: float, z_end_m: float, creep_m_s: float, lif
 
 
 def summary(trials: Sequence[TrialMetrics]) -> dict[str, Any]:
-    """Means over the trials, the most frequent mode (the worse of two equally frequent), the share of `stable`."""
+    """Return means over the trials, the most frequent mode (of equally frequent ones the worst), and `stable` share."""
     count = Counter(trial.mode for trial in trials)
     means = {name: float(np.mean(values)) for name, values in trial_lists(trials).items()}
     return {
@@ -156,7 +177,7 @@ def summary(trials: Sequence[TrialMetrics]) -> dict[str, Any]:
 
 
 def trial_lists(trials: Sequence[TrialMetrics]) -> dict[str, list[float]]:
-    """Numbers of every trial by metric, unit in the name."""
+    """Return numbers of every trial by metric, unit in the name."""
     return {
         "z_max_m": [trial.z_max_m for trial in trials],
         "z_end_m": [trial.z_end_m for trial in trials],
@@ -171,8 +192,8 @@ def trial_lists(trials: Sequence[TrialMetrics]) -> dict[str, list[float]]:
     }
 
 
-def _rise_m(episode: Episode, scene: Scene) -> Array:
-    """(frames,) height of the object's centre of mass over its place at the start."""
+def _rise_m(episode: GraspEpisode, scene: Scene) -> Array:
+    """Return (frames,) height of the object's centre of mass over its place at the start."""
     com = scene.objects[0].mass.com_m
     height = np.array([(s.positions_m[0] + s.rotations[0] @ com)[2] for s in episode.states])
     return np.asarray(height - height[0])
@@ -185,7 +206,7 @@ PER_WEIGHT = 0.05
 
 
 def reward(trial: TrialMetrics, scene: Scene, config: GraspConfig) -> float:
-    """One number for a grasp, to be maximised: the one-step reward of the published co-design study.
+    """Return one number for a grasp, to be maximised: the one-step reward of the published co-design study.
 
         reward = w [mode + 2 h + 0.5 f − 0.1 s − 0.5 p / 15 kPa − 0.005 n + 0.2 c],    w = 1 + 0.05 · extra weights
 

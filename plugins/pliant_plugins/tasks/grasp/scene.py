@@ -1,4 +1,4 @@
-"""The scene of one trial: the object with its extra weights, how it stands on the floor, and the fingers around it."""
+"""The scene of one trial: the object with its extra weights, its pose on the floor, and the fingers around it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class GraspObject:
     Attributes:
         body: standing on the floor z = 0 with the centre of its outline on the vertical through the origin.
         radius_m: its largest horizontal half width.
-        note: what a reader must know of it, or "".
+        note: a remark for the reader, or "".
     """
 
     body: FreeBody
@@ -43,7 +43,7 @@ class GraspObject:
 
 
 def grasp_object(config: GraspConfig) -> GraspObject:
-    """The configured object with its extra weights.
+    """Return the configured object with its extra weights.
 
     Raises:
         UserError: a mesh that cannot be used, or an object that no gripper of this kind is meant for.
@@ -77,7 +77,7 @@ def grasp_object(config: GraspConfig) -> GraspObject:
 
 
 def _simple(config: ObjectConfig) -> tuple[tuple[Shape, ...], MassProperties, str]:
-    """Egg or cylinder, homogeneous, about its centre."""
+    """Return an egg or cylinder, homogeneous, about its centre."""
     assert config.shape is not None
     radius, height, mass = (
         given if given is not None else usual
@@ -96,7 +96,7 @@ def _simple(config: ObjectConfig) -> tuple[tuple[Shape, ...], MassProperties, st
 
 
 def _foot(shape: Shape, config: ObjectConfig) -> tuple[Shape, ...]:
-    """The disc from the floor to the height at which the egg has the foot's radius; it weighs nothing.
+    """Return the disc from the floor to the height at which the egg has the foot's radius; it has no mass.
 
     Raises:
         UserError: the foot is wider than the egg.
@@ -112,7 +112,7 @@ def _foot(shape: Shape, config: ObjectConfig) -> tuple[Shape, ...]:
 
 
 def _part(config: ObjectConfig) -> tuple[tuple[Shape, ...], MassProperties, str]:
-    """A part from a file; its convex hull collides, or the convex parts that it is cut into."""
+    """Return a part from a file; its convex hull collides, or the convex parts that it is cut into."""
     assert config.mesh is not None
     solid = read_solid(config.mesh, config.scale)
     density = config.density_kg_m3 or (config.mass_kg or 0.0) / solid.volume_m3
@@ -134,7 +134,7 @@ def _part(config: ObjectConfig) -> tuple[tuple[Shape, ...], MassProperties, str]
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """What noise does in one trial: factor of the friction, offsets of the pressure (Pa) and the object (3,) m."""
+    """The noise of one trial: factor of the friction, offsets of the pressure (Pa) and the object (3,) m."""
 
     friction: float
     pressure_pa: float
@@ -142,12 +142,12 @@ class Draw:
 
     @staticmethod
     def none() -> Draw:
-        """The nominal trial, without noise."""
+        """Return the nominal trial, without noise."""
         return Draw(1.0, 0.0, np.zeros(3))
 
     @staticmethod
-    def of(config: GraspConfig, trial: int, radius_m: float) -> Draw:
-        """Trial `trial` of the config's seed: uniform numbers, and a place uniform in a disc."""
+    def from_config(config: GraspConfig, trial: int, radius_m: float) -> Draw:
+        """Return trial `trial` of the config's seed: uniform numbers, and a position uniform in a disc."""
         random = np.random.default_rng([config.seed, trial])
         friction, pressure = random.uniform(-1.0, 1.0, 2)
         reach = config.noise.placement * radius_m * np.sqrt(random.uniform())
@@ -160,14 +160,14 @@ class Draw:
 
 
 def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, draw: Draw) -> Scene:
-    """Copies of the chain around the object, above it by the height that they are lowered.
+    """Place copies of the chain around the object, above it by the lowering height.
 
-    A finger's chain axis leans outward by the inclination, its −z side, toward which it bends, looks at the
-    vertical. Its base stands at the base radius, so high that the lowest point of the straight finger comes to
+    A finger's chain axis is tilted outward by the inclination; its −z side, toward which it bends, faces the vertical.
+    Its base is at the base radius and at the height for which the lowest point of the straight, lowered finger is at
     the grasp height.
 
     Raises:
-        UserError: the chain has nothing that collides.
+        UserError: the chain has no collision shapes.
     """
     if not any(chain.shapes):
         raise UserError(
@@ -203,8 +203,8 @@ def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, dra
 
 
 def _depth_m(chain: ChainModel, rotation: Array) -> float:
-    """How far the lowest point of the straight chain lies below its base."""
-    geometry = ChainGeometry.of(chain.with_(base_position_m=np.zeros(3), base_rotation=rotation))
+    """Return the distance of the straight chain's lowest point below its base."""
+    geometry = ChainGeometry.from_chain(chain.with_(base_position_m=np.zeros(3), base_rotation=rotation))
     pose = geometry.forward(np.zeros((chain.n_joints, len(chain.axes))))
     bodies = zip(chain.shapes, pose.rotations, pose.origins, strict=True)
     return max(support(s.placed(turn, origin), DOWN) for shapes, turn, origin in bodies for s in shapes)

@@ -1,4 +1,4 @@
-"""The grasp task: trials one after another, each in a scene of its own."""
+"""The grasp task: consecutive trials, each in a separate scene."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from pliant.interfaces.physics import SceneSimulation
+from pliant.interfaces.simulation import SceneSimulation
 from pliant.interfaces.task import SceneEngine, SceneTask
 from pliant.mechanics.stills import still
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import Scene, SceneFrames, SceneStill
 from pliant_plugins.tasks.grasp.config import GraspConfig
-from pliant_plugins.tasks.grasp.episode import Episode, play
+from pliant_plugins.tasks.grasp.episode import GraspEpisode, play
 from pliant_plugins.tasks.grasp.metrics import (
     TrialMetrics,
     contact_rows,
+    deepest_m,
     reward,
     summary,
+    sunk_in,
     trial_lists,
     trial_metrics,
 )
@@ -38,7 +40,7 @@ class Grasp(SceneTask):
 
     @cached_property
     def target(self) -> GraspObject:
-        """The object as it stands on the floor."""
+        """Return the object on the floor."""
         return grasp_object(self.config)
 
     def scene(self, chain: ChainModel) -> Scene:
@@ -55,16 +57,18 @@ class Grasp(SceneTask):
         started = time.perf_counter()
         trials: list[TrialMetrics] = []
         rewards: list[float] = []
-        draws = [Draw.of(self.config, k, self.target.radius_m) for k in range(self.config.trials)]
+        depth_m = 0.0
+        draws = [Draw.from_config(self.config, k, self.target.radius_m) for k in range(self.config.trials)]
         for number, draw in enumerate(draws):
             scene = grasp_scene(chain, self.config, self.target, draw)
             with engine(scene) as simulation:
                 episode = play(simulation, self.config, self.actuation(chain, draw))
+                depth_m = max(depth_m, deepest_m(episode))
                 trials.append(trial_metrics(episode, scene, self.config))
                 rewards.append(reward(trials[-1], scene, self.config))
                 if number == 0:
                     final = _final(simulation, episode)
-                    frames = SceneFrames.of(episode.states)
+                    frames = SceneFrames.from_states(episode.states)
                     stills = _stills(scene, episode)
                     touching = contact_rows(episode.contacts[-1])
         metrics: dict[str, Any] = {
@@ -73,8 +77,8 @@ class Grasp(SceneTask):
             "object_mass_kg": self.target.body.mass.mass_kg,
             "contacts": touching,
         }
-        if self.target.note:
-            metrics["note"] = self.target.note
+        if notes := " ".join(filter(None, (self.target.note, sunk_in(depth_m, self.target.radius_m)))):
+            metrics["note"] = notes
         if len(trials) > 1:
             metrics["trials"] = {
                 "mode": [trial.mode for trial in trials],
@@ -88,14 +92,14 @@ class Grasp(SceneTask):
         return TaskResult(final, metrics, None, frames, stills)
 
     def actuation(self, chain: ChainModel, draw: Draw) -> dict[str, float]:
-        """Full value of each input in a trial; the pressure's noise goes to the inputs that are driven."""
+        """Return full value of each input in a trial; the pressure's noise goes to the inputs that are driven."""
         full: Mapping[str, float] = self.config.actuation(chain)
         pressed = self.config.pressure_pa is not None
         return {name: max(v + draw.pressure_pa, 0.0) if pressed and v else v for name, v in full.items()}
 
 
-def _final(simulation: SceneSimulation, episode: Episode) -> Equilibrium:
-    """The first finger at the end; contact holds it, so that its own residual says nothing."""
+def _final(simulation: SceneSimulation, episode: GraspEpisode) -> Equilibrium:
+    """Return the first finger's final state; contact forces act on it, so that its own residual has no meaning."""
     return replace(
         simulation.pose(0),
         joint_angles=episode.states[-1].coordinates[0],
@@ -104,9 +108,9 @@ def _final(simulation: SceneSimulation, episode: Episode) -> Equilibrium:
     )
 
 
-def _stills(scene: Scene, episode: Episode) -> tuple[SceneStill, ...]:
+def _stills(scene: Scene, episode: GraspEpisode) -> tuple[SceneStill, ...]:
     return tuple(
-        still(scene, episode.states[episode.last_of(phase)], label)
+        still(scene, episode.states[episode.last_frame(phase)], label)
         for phase, label in STILLS.items()
         if phase in episode.phase
     )

@@ -1,0 +1,1 @@
+"""Tables of FEM states and of designs: columns, reading, writing."""

@@ -1,0 +1,19 @@
+"""What the packages that ship with Pliant register: for messages where the entry point of one is missing."""
+
+from __future__ import annotations
+
+# Package → its verbs and its blocks of a study.
+ENTRIES = {
+    "pliant_app": ("app",),
+    "pliant_calibrate": ("calibrate",),
+    "pliant_export": ("export",),
+    "pliant_search": ("optimize", "search", "optimizer"),
+    "pliant_view": ("render", "view"),
+}
+PACKAGES = ("pliant", "pliant_plugins", *ENTRIES)
+REMEDY = "which is missing in this installation of Pliant: pip install --force-reinstall pliant"
+
+
+def shipped_in(name: str) -> str:
+    """Return the shipped package that registers a verb or block of this name; "" for any other name."""
+    return next((package for package, names in ENTRIES.items() if name in names), "")

@@ -1,1 +1,0 @@
-"""What limits the best design, and how the objective changes about it."""

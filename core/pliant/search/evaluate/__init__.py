@@ -1,1 +1,0 @@
-"""What a trial of a search comes to."""

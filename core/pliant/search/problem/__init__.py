@@ -1,1 +1,0 @@
-"""What a study's `search` block states."""

@@ -1,1 +1,0 @@
-"""The search itself: proposals, journals, results."""

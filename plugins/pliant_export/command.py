@@ -1,0 +1,306 @@
+"""`pliant export`: a study's robot or its law as files for other programs, or its surface as STL."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from pydantic import ValidationError
+
+from pliant import api
+from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.session import Session, check_writable
+from pliant.config.study import Study
+from pliant.errors import MissingDependencyError, PluginFailureError, UserError, closest
+from pliant.interfaces.physics import ExportBackend, PhysicsBackend, SceneExportBackend
+from pliant.interfaces.task import SceneTask, Task
+from pliant.meshing.stl import write_stl
+from pliant.meshing.surfaces import welded
+from pliant.pipeline.carried import Carried, carried_chain
+from pliant.pipeline.motion import drawn_chain, surface_at_rest
+from pliant.pipeline.study import StudyRun, build_study_laws, check_study, study_physics
+from pliant.pipeline.visual import seen_surface
+from pliant.pipeline.workbench import RunContext
+from pliant.records.mount import Mount
+from pliant.records.shape import TriangleMesh
+from pliant.registry.discovery import Registry
+from pliant_export.check_file import CheckFile, posed_states, reference_law_points, settled_states
+from pliant_export.law_files import ENDINGS, LAW_FORMATS, write_laws
+from pliant_export.written_law import NOT_WRITTEN, has_form, identifier
+
+# File endings that do not determine their format.
+FORMATS = {"xml": "mjcf", "h": "c", "py": "numpy"}
+STL, SCENE, REACHABLE = "stl", "mjcf", "reachable"
+ACTS = {
+    "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
+    "inputs. Without it the file is a spring with the stiffness at rest.",
+    "urdf": "URDF has no law and no inputs: the law is in the JSON file beside it, and read_law.py evaluates it; the "
+    "program that loads the URDF applies the efforts at its joints.",
+}
+
+
+def rest_surface(bench: RunContext, study: Study, part: str, scale: float) -> TriangleMesh:
+    """Return the surface of the study's chain at rest, or of one module, without inner walls between pieces."""
+    if not (scale > 0 and math.isfinite(scale)):
+        raise UserError(f"--scale {scale:g} is no scale; 1000 writes millimetres.")
+    if part == "module":
+        family = bench.build("family", study.need("family", "the STL of a module"))
+        return welded(seen_surface(family).whole)
+    if part != "chain":
+        raise UserError(f"--part {part} is neither 'chain' nor 'module'.")
+    study.need("chain", "the STL of a chain")
+    check_study(bench, study)
+    chain = drawn_chain(bench, StudyRun(study, build_study_laws(bench, study)))
+    return welded(surface_at_rest(chain))
+
+
+@verb()
+def export(
+    here: Session,
+    study: StudyFile,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json.",
+        ),
+    ],
+    overrides: Overrides = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help="mjcf, urdf, stl, c, numpy, torch, jax or json, by the file's ending where it is left out; or "
+            "reachable (.csv).",
+        ),
+    ] = None,
+    part: Annotated[
+        str,
+        typer.Option(
+            "--part",
+            help="'chain'; stl: one 'module' in its own frame; mjcf: the task's 'scene', fingers and objects.",
+        ),
+    ] = "chain",
+    scale: Annotated[
+        float,
+        typer.Option("--scale", help="stl: the file's lengths are metres times this; 1000 for millimetres."),
+    ] = 1.0,
+) -> None:
+    """Export the robot as MJCF or URDF with its law and surfaces, its law alone, or its surface as STL.
+
+    An MJCF file comes with a Python module that makes it act in plain MuJoCo, a URDF file with the law as JSON and a
+    reader. The law alone is written as C, NumPy, torch, JAX or JSON. Each has a check file `FILE.check.json` with the
+    study's predictions. An STL of one module needs no FEM. The format reachable writes where the tip can go, as a table
+    and as a picture.
+    """
+    if out.is_dir():
+        raise UserError(f"--out {out} is a folder; give the name of a file in it.")
+    loaded = here.study(study, overrides)
+    wanted = (form or out.suffix.removeprefix(".")).lower()
+    wanted = FORMATS.get(wanted, wanted)
+    if wanted == REACHABLE:
+        _export_reachable(here, loaded, out)
+        return
+    if wanted == STL:
+        surface = rest_surface(here.bench(), loaded, part, scale)
+        check_writable(out.parent)
+        write_stl(surface, out, scale)
+        here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
+        here.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
+        return
+    if scale != 1.0 or part not in ("chain", "scene") or (part == "scene" and wanted != SCENE):
+        raise UserError(
+            "--scale and --part module are for STL, --part scene is for MJCF; other files hold the chain in metres."
+        )
+    if wanted in LAW_FORMATS:
+        _export_law(here, loaded, out, wanted)
+        return
+    engine = find_writer(here.registry, out, form)
+    loaded.need("chain", "an export")
+    check_writable(out.parent)
+    bench = here.bench()
+    carried = carried_chain(bench, loaded, mounted=True)
+    if part == "scene":
+        files = _write_scene(bench, loaded, carried, engine, out)
+    else:
+        looks = drawn_chain(bench, StudyRun(loaded, build_study_laws(bench, loaded)))
+        files = engine.export(carried.chain, out, looks)
+        own = _study_engine(bench, loaded)
+        files += (_write_check(loaded, carried, files, settled_states(carried.chain, own), own.config.kind),)
+    here.result.update({"files": list(files), "format": engine.export_format, "left_out": carried.left_out})
+    beside = [file for file in files[1:] if file.parent == out.parent]
+    meshes = [file for file in files if file.parent != out.parent]
+    here.say(f"written  {out}{f' and {len(meshes)} mesh(es) in {meshes[-1].parent}' if meshes else ''}")
+    for file in beside:
+        here.say(f"written  {file}")
+    if not has_form(carried.chain.laws):
+        here.say(NOT_WRITTEN)
+    elif engine.export_format in ACTS:
+        here.say(ACTS[engine.export_format])
+    if carried.chain.mount is not None:
+        here.say(_onto(carried.chain.mount, files))
+    for sentence in carried.sentences:
+        here.say(sentence)
+
+
+def _onto(mount: Mount, files: Sequence[Path]) -> str:
+    """Return a sentence on how to mount the exported robot on the study's arm, which the file does not contain."""
+    module = next((file.stem for file in files if file.suffix == ".py"), None)
+    said = f"The arm is not in it: its world is the frame of '{mount.at}'."
+    return (
+        said
+        if module is None
+        else f"{said} {module}.mount({str(mount.file)!r}, at={mount.at!r}) puts it there."
+    )
+
+
+def _export_reachable(here: Session, study: Study, out: Path) -> None:
+    """Write equilibria over the whole range of the inputs as a table and a picture."""
+    from pliant.report.reachable_chart import reachable_chart
+    from pliant.report.still import write_still  # matplotlib takes a second to import
+
+    if out.suffix.lower() != ".csv":
+        raise UserError(f"--out {out.name}: the reachable set is a table; give it the ending .csv.")
+    study.need("chain", "a reachable set")
+    check_writable(out.parent)
+    bounds = getattr(study.task, "bounds", None)  # of the task reach
+    inverse = api.inverse(api.OpenStudy(study, here.bench()), bounds)
+    found, picture = inverse.reachable, out.with_suffix(".png")
+    found.write(out)
+    write_still(reachable_chart(found, inverse.bounds), picture)
+    outside = int(np.count_nonzero(found.inside == 0))
+    here.result.update(
+        {
+            "files": [out, picture],
+            "format": REACHABLE,
+            "equilibria": len(found.actuation),
+            "outside_data": outside,
+            "limits_m": found.limits_m,
+        }
+    )
+    here.say(f"written  {out} ({len(found.actuation)} equilibria)\nwritten  {picture}")
+    limits = zip("xyz", 1e3 * found.limits_m, strict=True)
+    here.say(f"The tip reaches {', '.join(f'{k} {low:.4g} to {high:.4g} mm' for k, (low, high) in limits)}.")
+    if outside:
+        here.say(f"{outside} of them lie beyond the data of a law.")
+
+
+def _study_engine(bench: RunContext, study: Study) -> PhysicsBackend:
+    """Return the study's engine, or the default one if that is not installed."""
+    try:
+        engine: PhysicsBackend = bench.build("physics", study_physics(bench, study))
+    except MissingDependencyError:
+        engine = bench.build("physics", study_physics(bench, study.model_copy(update={"physics": None})))
+    return engine
+
+
+def _write_check(
+    study: Study,
+    carried: Carried,
+    files: Sequence[Path],
+    states: Iterable[Mapping[str, Any]],
+    engine: str = "",
+) -> Path:
+    """Write the check file of a robot or scene and return its path."""
+    laws = carried.chain.laws
+    names = [identifier(file.stem) for file in files if file.suffix == ".json"]
+    check = CheckFile(
+        study.name,
+        engine,
+        tuple(file.name for file in files if file.parent == files[0].parent),
+        reference_law_points(laws, names if len(names) == len(set(laws)) else ()),
+        tuple(states),
+        carried.chain.length_m,
+        carried.left_out,
+    )
+    return check.write(files[0])
+
+
+def _write_scene(
+    bench: RunContext, study: Study, carried: Carried, engine: ExportBackend, out: Path
+) -> tuple[Path, ...]:
+    """Write the scene of the study's task and its check file, which has no equilibria.
+
+    The scene has the settings of the study's engine if that engine writes the format.
+    """
+    task: Task | SceneTask = bench.build("task", study.need("task", "a scene"))
+    if not isinstance(task, SceneTask):
+        raise UserError(
+            f"task '{task.config.kind}' has no scene; give a task with contact, such as 'grasp', or leave --part out."
+        )
+    own: PhysicsBackend = bench.build("physics", study_physics(bench, study))
+    if isinstance(own, SceneExportBackend) and own.export_format == engine.export_format:
+        engine = own
+    if not isinstance(engine, SceneExportBackend):
+        raise UserError(f"no engine writes scenes as '{engine.export_format}'; leave --part scene out.")
+    scene = task.scene(carried.chain)
+    files = engine.export_scene(scene, out)
+    states = [s for k, arm in enumerate(scene.arms) for s in posed_states(arm.chain, f"arm_{k}_")]
+    return (*files, _write_check(study, carried, files, states))
+
+
+def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
+    """Write the law alone; the study needs no chain."""
+    check_writable(out.parent)
+    bench = here.bench()
+    carried = carried_chain(bench, study, mounted=True) if study.chain is not None else None
+    laws = carried.chain.laws if carried else [stages.law.law for stages in build_study_laws(bench, study)]
+    files = write_laws(laws, out, form)
+    left_out = carried.left_out if carried else tuple(effect.kind for effect in study.effects)
+    checks = [
+        CheckFile(
+            study.name,
+            "",
+            (file.name,),
+            reference_law_points([law], [identifier(file.stem)]),
+            left_out=left_out,
+        )
+        for law, file in zip(dict.fromkeys(laws), files, strict=True)
+    ]
+    files += tuple(check.write(file) for check, file in zip(checks, files, strict=True))
+    here.result.update({"files": list(files), "format": form, "left_out": left_out})
+    for file in files:
+        here.say(f"written  {file}")
+    if left_out:
+        here.say(f"Effects that are not in it: {', '.join(left_out)}.")
+    if any(law.states_error for law in laws):
+        here.say(
+            "Of the law's error bar it holds the largest half-width in the domain (90 %), not its shape."
+        )
+
+
+def find_writer(registry: Registry, out: Path, form: str | None) -> ExportBackend:
+    """Return the engine that writes the format.
+
+    Raises:
+        UserError: no installed engine writes it.
+    """
+    ending = out.suffix.lower().removeprefix(".")
+    wanted = form.lower() if form else FORMATS.get(ending, ending)
+    known: list[str] = []
+    missing: list[str] = []
+    for component in registry.by_interface("physics"):
+        try:
+            engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
+        except MissingDependencyError as error:
+            missing.append(f" {error}")
+            continue
+        except (PluginFailureError, ValidationError):  # a broken engine does not end the search
+            continue
+        if not isinstance(engine, ExportBackend):
+            continue
+        if engine.export_format == wanted:
+            return engine
+        known.append(engine.export_format)
+    endings = {of: ending for ending, of in FORMATS.items()}
+    endings |= ENDINGS
+    every = sorted([*known, STL, *LAW_FORMATS])
+    told = ", ".join(f"{name} (.{endings.get(name, name)})" for name in every)
+    said = f"--format {form}" if form else f"--out {out.name}"
+    cause = f"no engine writes '{wanted}'" if wanted else "the name has no ending"
+    raise UserError(f"{said}: {cause}{closest(wanted, every)} Formats: {told}.{''.join(missing)}")

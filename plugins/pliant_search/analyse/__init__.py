@@ -1,0 +1,1 @@
+"""Limits of the best design, and the sensitivity of the objective around it."""

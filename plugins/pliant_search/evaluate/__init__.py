@@ -1,0 +1,1 @@
+"""Evaluation of a search's candidates."""

@@ -1,0 +1,1 @@
+"""Interpretation of a study's `search` block."""

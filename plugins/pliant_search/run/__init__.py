@@ -1,0 +1,1 @@
+"""Run of a search: proposals, journals, results."""
