@@ -143,7 +143,7 @@ def improve(
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()
     corrected = walk.law_is_off and walk.correct_law(named_only)
-    if not corrected and not (learned and walk.learn()):
+    if not corrected and not (learned and walk.learn()) and stop != "most_steps":
         walk.correct_law(named_only)
     return walk.scored(stop, reason, final)
 

@@ -80,11 +80,11 @@ def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array
 
     Histories of one specimen are consecutive: `LawTerm`s with permanent memory pass it on.
     """
-    efforts = JointEfforts(chain)
-    keeps = np.array([term.keeps for term in efforts.terms.terms for _ in range(term.n_states)], bool)
+    keeps = np.array([term.keeps for term in chain.terms for _ in range(term.n_states)], bool)
     kept: dict[str, Array] = {}
     paths = []
     for history in histories:
+        efforts = JointEfforts(_carrying(chain, history))
         memory, angles = efforts.terms.rested(), []
         if history.specimen in kept:
             memory = replace(memory, states=np.where(keeps, kept[history.specimen], memory.states))
@@ -100,6 +100,12 @@ def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array
         kept[history.specimen] = memory.states
         paths.append(np.array(angles))
     return tuple(paths)
+
+
+def _carrying(chain: ChainModel, history: History) -> ChainModel:
+    """Return the chain with the law terms of the payload of a run."""
+    more_kg = 0.0 if history.payload_kg is None else float(history.payload_kg[0]) - chain.payload_kg
+    return chain.with_(terms=tuple(term.carrying(more_kg) for term in chain.terms))
 
 
 def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, memory: TermMemory) -> float:
@@ -122,7 +128,9 @@ def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, me
 
 def first_joint(chain: ChainModel) -> ChainModel:
     """Return the chain cut after its first joint, with that joint's parameters of its law terms."""
-    terms = tuple(replace(term, per_joint=term.per_joint[:1]) for term in chain.terms)
+    terms = tuple(
+        replace(t, per_joint=t.per_joint[:1], per_payload_kg=t.per_payload_kg[:1]) for t in chain.terms
+    )
     return chain.with_(
         joints=chain.joints[:1],
         bodies=chain.bodies[:2],
