@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 # Folders of tests that inspect pictures, and the marks of the fast suite.
-ROOMS, FAST = ("report", "counts", "pliant_view"), "not slow"
+ROOMS, FAST = ("report", "pliant_counts", "pliant_view"), "not slow"
 
 
 @contextmanager

@@ -24,15 +24,16 @@ from benchmarks.output import REFERENCE, ROOT, make_parser, write
 
 from pliant import api
 from pliant.config.measurements import PlausibleRange
-from pliant.diagnosis.counts_evidence import CountEvidence, count_evidence
-from pliant.diagnosis.counts_parameters import effect_parameters, task_parameters
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
-from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
-from pliant.report.count_answers import counted as of
-from pliant.report.count_hypotheses import level_text
-from pliant.report.counts import interpret_counts
 from pliant.report.still import still
-from pliant.report.success_chart import Series, success_chart
+from pliant_counts.answers import counted as of
+from pliant_counts.comparison import CountComparison, compare_counts
+from pliant_counts.comparison_page import interpret_counts
+from pliant_counts.counted_study import CountedStudy, counted_study
+from pliant_counts.diagnosis_page import level_text
+from pliant_counts.evidence import CountEvidence, count_evidence
+from pliant_counts.parameters import effect_parameters, task_parameters
+from pliant_counts.success_chart import Series, success_chart
 
 TABLE = REFERENCE / "grasp_experiment.csv"
 SETS = (1, 2, 3)

@@ -32,7 +32,6 @@ from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
-from pliant.evidence.counts import CountComparison, compare_counted, counted_study
 from pliant.evidence.prediction import Predictor, read_study_measurement
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
@@ -256,12 +255,15 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
     return compare_model(model)[1]
 
 
-def compare_counts(
-    opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = None
-) -> CountComparison:
-    """Compare the study's task with a file of successes and trials: `pliant compare` on counts."""
-    counted = counted_study(opened.study, None if data is None else Path(data))
-    return compare_counted(opened.bench, counted, opened.study.resolve_workers(workers, 1))
+def compare_counts(opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = None) -> Any:
+    """Compare the study's task with a file of successes and trials: `pliant compare` on counts.
+
+    Returns:
+        A `pliant_counts.comparison.CountComparison`.
+    """
+    function = package_function("compare_counts", "pliant_counts")
+    who = opened.study.resolve_workers(workers, 1)
+    return function(opened.bench, opened.study, None if data is None else Path(data), who)
 
 
 def diagnose(

@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from pliant import api
-from pliant.config.task_keys import changed_task
-from pliant.evidence.counts import Setting, simulate_trials
+from pliant_counts.task_keys import changed_task
+from pliant_counts.trials import Setting, simulate_trials
 
 HERE = Path(__file__).parent
 HIDDEN_FRICTION = 1.0

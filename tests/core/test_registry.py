@@ -9,6 +9,7 @@ import pytest
 from pliant.errors import ContractError, MissingDependencyError, UserError
 from pliant.registry.command import Command, commands
 from pliant.registry.component import Component
+from pliant.registry.data_kind import DataKind, data_kinds
 from pliant.registry.discovery import discover
 from pliant.registry.hookspecs import hookimpl
 from pliant.registry.manifests import CONTRACT_VERSION, distribution_name
@@ -259,6 +260,25 @@ def test_a_wrong_verb_is_named_and_the_own_ones_stay(monkeypatch, verb, cause):
     registry = discover_with(monkeypatch, package_with_commands(verb))
     assert [cause in failure.cause for failure in registry.failures] == [True]
     assert commands()["run"].function == "pliant.cli.studies:run"
+
+
+def test_a_package_brings_a_kind_of_data_and_a_wrong_one_is_named(monkeypatch):
+    def package_with_data(*kinds):
+        module = ModuleType("some_data")
+        module.CONTRACT = CONTRACT_VERSION
+        module.pliant_data = hookimpl(specname="pliant_data")(lambda: kinds)
+        return FakeEntry("some_data", lambda: module)
+
+    with monkeypatch.context() as patch:
+        assert not discover_with(patch, package_with_data(DataKind("films", "some_data:open"))).failures
+        assert {"counts", "films"} <= set(data_kinds())
+    for kind, cause in (
+        (DataKind("Films", "a:b"), "lower-case words"),
+        (DataKind("films", "a"), "has open 'a'"),
+    ):
+        with monkeypatch.context() as patch:
+            (failure,) = discover_with(patch, package_with_data(kind)).failures
+            assert cause in failure.cause
 
 
 def test_a_manifest_that_fails_hides_no_verb(monkeypatch):

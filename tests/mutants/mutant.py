@@ -16,7 +16,7 @@ ROOMS: Mapping[str, Sequence[str]] = {
     "fem": ("plugins/pliant_plugins/fem",),
     "laws": ("plugins/pliant_plugins/surrogates", "plugins/pliant_plugins/meta_models"),
     "effects": ("plugins/pliant_plugins/effects",),
-    "diagnosis": ("core/pliant/diagnosis", "core/pliant/evidence"),
+    "diagnosis": ("core/pliant/diagnosis", "core/pliant/evidence", "plugins/pliant_counts"),
     "search": ("plugins/pliant_search",),
     "store": ("core/pliant/store",),
     "execution": ("core/pliant/execution",),

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from tests.cli.conftest import STATED
 from tests.cli.search_study import STUDY
+from tests.pliant_counts import counts_study
 
 VERB_OF = {
     "app": "app",
@@ -79,3 +80,13 @@ def test_a_study_with_blocks_from_an_absent_package_names_the_package(tmp_path: 
         "MissingDependencyError: 'optimize' belongs to the package pliant_search"
         in python.stderr.splitlines()[-1]
     )
+
+
+@pytest.mark.parametrize("verb", ["compare", "diagnose"])
+def test_counts_without_their_package_name_it(verb: str, tmp_path: Path) -> None:
+    environment = without("counts", tmp_path / "site")
+    (tmp_path / "study.yaml").write_text(counts_study.STUDY)
+    (tmp_path / "counts.csv").write_text(f"{counts_study.HEADER}a,egg,15,2,10,10\n")
+    done = called(environment, tmp_path, verb, "study.yaml")
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "counts belong to the package pliant_counts" in " ".join(done.stderr.split())

@@ -1,4 +1,4 @@
-"""The verbs that compare a model with measurements, readings or counts: compare, diagnose."""
+"""The verbs that compare a model with measurements, readings or another kind of data: compare, diagnose."""
 
 from __future__ import annotations
 
@@ -22,25 +22,19 @@ from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.candidates import candidate_kinds
-from pliant.diagnosis.counts_evidence import count_evidence
-from pliant.diagnosis.counts_parameters import effect_parameters, task_parameters
-from pliant.diagnosis.counts_verdict import judge_counts
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
-from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
-from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
 from pliant.evidence.prediction import Predictor, read_study_measurement
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
-from pliant.formatting import displayed_in, listed
+from pliant.formatting import displayed_in
 from pliant.measurements.files import expand_sources
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
+from pliant.registry.data_kind import MeasuredData, open_data
 from pliant.report.comparison import comparison_document
-from pliant.report.count_hypotheses import counts_diagnosis_document
-from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
 from pliant.report.document import Document
 from pliant.report.stored_answer import Question, stored_answer
@@ -77,9 +71,9 @@ def compare(
     loaded, bench = here.study(study, overrides), here.bench()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
-    if (counted := _counted(here, loaded, data)) is not None:
+    if (other := _other_data(here, loaded, data)) is not None:
         check_writable(folder)
-        here.show(counts_document(loaded.name, counted.counts, compare_counted(bench, counted, who)), folder)
+        here.show(other.compare(bench, who)[1](), folder)
         return
     measurement = read_session_measurement(here, bench, loaded, data)
     predictor = Predictor.from_study(bench, loaded, measurement)
@@ -110,18 +104,10 @@ def diagnose(
     bench = here.bench()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
-    if (counted := _counted(here, loaded, data)) is not None:
-        ranges = loaded.measurements.plausible if loaded.measurements else ()
-        parameters = [*effect_parameters(bench.registry, effect), *task_parameters(counted, ranges)]
-        if not parameters:
-            raise UserError(
-                "nothing to try: no effect has a strength, and 'measurements.plausible' names no number."
-            )
+    if (other := _other_data(here, loaded, data)) is not None:
+        candidates = other.candidates(bench.registry, effect)
         check_writable(folder)
-        evidence = count_evidence(bench, counted, [(parameter,) for parameter in parameters], who)
-        judged = judge_counts(evidence)
-        document = counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry)
-        here.show(document, folder if page else None)
+        here.show(other.diagnose(bench, candidates, who)[1](), folder if page else None)
         return
     kinds = candidate_kinds(here.registry, effect or None)
     measurement = read_session_measurement(here, bench, loaded, data)
@@ -161,19 +147,12 @@ def read_session_measurement(
     return measurement
 
 
-def _counted(here: Session, study: Study, data: Sequence[Path] | None) -> CountedStudy | None:
-    """Return the study with its file of counts, or None where the study has readings; a second file is an error."""
-    alone = data[0] if data else None
-    if not is_counted(study, alone):
-        return None
-    if data and len(data) > 1:
-        raise UserError(
-            f"{data[0]} is a file of counts, and {listed([str(file) for file in data[1:]])} would not be read; counts "
-            "come in one file: put the rows together, or give one --data."
-        )
-    counted = counted_study(study, alone)
-    here.measured(study, counted.counts)
-    return counted
+def _other_data(here: Session, study: Study, data: Sequence[Path] | None) -> MeasuredData | None:
+    """Return the study's data if a package compares and diagnoses their kind; None for readings."""
+    other = open_data(study, data or None)
+    if other is not None:
+        here.measured(study, other)
+    return other
 
 
 def write_runs(

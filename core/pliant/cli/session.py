@@ -24,10 +24,10 @@ from pliant.config.places import Places
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import RunContext
-from pliant.records.counts import Counts
 from pliant.records.measurement import Measurement
 from pliant.records.plain_values import plain as plain
 from pliant.registry.blame import blamed
+from pliant.registry.data_kind import MeasuredData
 from pliant.registry.discovery import discover, left_out, without_unusable
 from pliant.registry.files import with_files
 from pliant.report.document import Document
@@ -118,7 +118,7 @@ class Session:
         if failures:
             self.result["left_out_plugins"] = [vars(failure) for failure in failures]
 
-    def measured(self, study: Study, data: Measurement | Counts) -> None:
+    def measured(self, study: Study, data: Measurement | MeasuredData) -> None:
         """Record for the JSON which study was compared with which data."""
         self.result.update(study=study.name, data=data.source, data_sha256=data.sha256)
 

@@ -21,6 +21,8 @@ from pliant.measurements.proposing import (
     runs_named,
 )
 from pliant.records.remark import detail
+from pliant.registry.data_kind import data_kinds
+from pliant.registry.shipped import REMEDY
 from pliant_tables.names import bare, meanings
 from pliant_tables.proposals import lines_to_write
 from pliant_tables.schema import FRAMES, FileColumn, noted
@@ -267,9 +269,12 @@ def _check_needed(
             "columns are tendon_force_n, held_elongation_strain or blocked_force_n."
         )
     if "count" in roles and "output" not in roles:
+        takers = "`pliant compare` and `pliant diagnose` take counts as their only file."
+        if "counts" not in data_kinds():
+            takers = f"counts belong to the package pliant_counts, {REMEDY}."
         raise UserError(
             f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
-            "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
+            f"are needed here; {takers}"
         )
     listed = ", ".join(unknown[:20])
     above = sheet.header_line > 1

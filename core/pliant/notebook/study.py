@@ -16,7 +16,6 @@ from pliant.diagnosis.extension import Extension, write_extended_study
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
-from pliant.evidence.counts import CountComparison, counted_study, is_counted
 from pliant.execution.executors import Workers
 from pliant.formatting import displayed_in
 from pliant.measurements.written_units import units_as_written
@@ -26,10 +25,10 @@ from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import check_families, law_from_table, simulate_study, solve_study_fem
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
+from pliant.registry.data_kind import open_data
 from pliant.registry.discovery import discover
 from pliant.registry.function import package_function
 from pliant.report.comparison import comparison_document
-from pliant.report.counts import counts_document
 from pliant.report.diagnosis import diagnosis_document
 from pliant.report.document import Document
 from pliant.report.extension import cited, extension_document
@@ -207,10 +206,9 @@ class StudyHandle:
         2.5
         """
         data = _recorded(data)
-        if not isinstance(data, Measurement) and is_counted(self.config, data):
-            counted = counted_study(self.config, data)
-            counts: CountComparison = api.compare_counts(self.opened, data)
-            return Result(counts, lambda: counts_document(self.name, counted.counts, counts))
+        other = None if isinstance(data, Measurement) else open_data(self.config, data)
+        if other is not None:
+            return Result(*other.compare(self.opened.bench, self.config.resolve_workers(None, 1)))
         model = api.predictor(self.opened, data)
         with displayed_in(units_as_written(model.measurement)):
             predicted, found = compare_model(model)

@@ -17,6 +17,7 @@ from pliant.records.actuation import register
 from pliant.registry.block import Block, blocks
 from pliant.registry.command import Command, commands
 from pliant.registry.component import Component
+from pliant.registry.data_kind import DataKind, data_kinds
 from pliant.registry.failures import FailedPlugin, configured, first_line, implemented
 from pliant.registry.function import Function, functions
 from pliant.registry.guarded_effect import GuardedEffect
@@ -39,6 +40,7 @@ ENTRIES: Mapping[str, tuple[type[Any], Callable[[], Mapping[str, Entry]]]] = {
     "pliant_blocks": (Block, blocks),
     "pliant_records": (StoredRecord, stored_records),
     "pliant_folders": (ResultFolder, result_folders),
+    "pliant_data": (DataKind, data_kinds),
     "pliant_functions": (Function, functions),
 }
 

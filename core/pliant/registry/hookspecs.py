@@ -16,6 +16,7 @@ HOOKS = (
     "pliant_records",
     "pliant_interfaces",
     "pliant_folders",
+    "pliant_data",
     "pliant_functions",
 )
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -55,6 +56,11 @@ def pliant_interfaces() -> Iterable[Any]:  # type: ignore[empty-body]
 @hookspec
 def pliant_folders() -> Iterable[Any]:  # type: ignore[empty-body]
     """Return a `ResultFolder` for each kind of folder that the package's verbs write and `pliant report` shows."""
+
+
+@hookspec
+def pliant_data() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `DataKind` for each kind of measured data that the package compares and diagnoses."""
 
 
 @hookspec

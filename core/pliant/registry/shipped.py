@@ -6,6 +6,7 @@ from __future__ import annotations
 ENTRIES = {
     "pliant_app": ("app",),
     "pliant_calibrate": ("calibrate",),
+    "pliant_counts": (),
     "pliant_export": ("export",),
     "pliant_search": ("optimize", "search", "optimizer"),
     "pliant_view": ("render", "view"),

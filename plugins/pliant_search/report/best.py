@@ -23,7 +23,7 @@ from pliant.report.chart import (
 from pliant.report.chart_colours import FAINT, INK, SERIES, WARN
 from pliant.report.contact_charts import TOP, instant_panel, outlines
 from pliant.report.pose_charts import SIDE, upright_planes, world_line, world_panel
-from pliant.report.success_chart import Series, success_chart
+from pliant_counts.success_chart import Series, success_chart
 from pliant_search.records import FoundDesign, Slope
 from pliant_search.report.axes import variable_axis
 from pliant_search.report.folder import DrawnDesign

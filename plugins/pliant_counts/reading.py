@@ -14,14 +14,14 @@ from pydantic import ValidationError
 
 from pliant.config.measurements import MeasurementNotes, MeasurementsConfig
 from pliant.config.problems import sentences
-from pliant.config.task_keys import TaskKey, changed_task, find_key, known_keys, need_key
 from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
 from pliant.measurements.notes import file_digest, notes_on
-from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.units import UNIT_SUFFIXES
+from pliant_counts.records import CountCondition, Counts, CountSet
+from pliant_counts.task_keys import TaskKey, changed_task, find_key, known_keys, need_key
 from pliant_tables.cells import MISSING, Problems
 from pliant_tables.columns import is_frame
 from pliant_tables.opening import FRAME, open_sheet

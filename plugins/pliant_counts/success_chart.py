@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.evidence.binomial import Count, wilson
 from pliant.report.chart import Chart, ChartAxis, ChartLine, Mark, Panel
 from pliant.report.chart_colours import INK, SERIES
+from pliant_counts.binomial import Count, wilson
 
 
 @dataclass(frozen=True)

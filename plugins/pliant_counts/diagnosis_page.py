@@ -6,18 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pliant.diagnosis.counts_evidence import CountEvidence, Explanation
-from pliant.diagnosis.counts_verdict import CountJudgement
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.verdict import named
-from pliant.evidence.counts import CountComparison
 from pliant.formatting import number, whole_percent
-from pliant.records.counts import Counts
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.report.comparison import ROWS
-from pliant.report.count_answers import diagnosis_answers
-from pliant.report.counts import OUTPUT, counts_json, shares_picture
 from pliant.report.document import (
     Column,
     Document,
@@ -29,6 +23,12 @@ from pliant.report.document import (
     section,
 )
 from pliant.report.fitted import caveat, most_probable, probability_text, verdict_json
+from pliant_counts.answers import diagnosis_answers
+from pliant_counts.comparison import CountComparison
+from pliant_counts.comparison_page import OUTPUT, counts_json, shares_picture
+from pliant_counts.evidence import CountEvidence, Explanation
+from pliant_counts.records import Counts
+from pliant_counts.verdict import CountJudgement
 
 HYPOTHESES_BRIEF = 12  # rows of the terminal's table
 NAMED = 4

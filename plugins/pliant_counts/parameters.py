@@ -11,16 +11,14 @@ from pydantic import ValidationError
 
 from pliant.config.measurements import PlausibleRange
 from pliant.config.problems import sentences
-from pliant.config.task_keys import TaskKey, changed_task, need_key, value_at
 from pliant.errors import UserError
-from pliant.evidence.counts import (
-    CountedStudy,
-    Setting,
-)
 from pliant.interfaces.effect import EffectConfig
-from pliant.records.counts import CountCondition
 from pliant.registry.discovery import Registry
 from pliant.units import UnitError, parse_quantity
+from pliant_counts.counted_study import CountedStudy
+from pliant_counts.records import CountCondition
+from pliant_counts.task_keys import TaskKey, changed_task, need_key, value_at
+from pliant_counts.trials import Setting
 from pliant_tables.units import ENDINGS
 
 STEPS = 4  # levels over a plausible range

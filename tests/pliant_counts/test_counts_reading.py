@@ -1,14 +1,14 @@
 """Files of counts: accepted content, and refusals with their line."""
 
 import pytest
-from tests.counts.counts_study import HEADER, STUDY
+from tests.pliant_counts.counts_study import HEADER, STUDY
 
 from pliant.config.loading import load_study
-from pliant.config.task_keys import changed_task
 from pliant.errors import UserError
-from pliant.measurements.counts_reading import holds_counts, read_counts
 from pliant.measurements.reading import read_measurement
 from pliant.registry.discovery import discover
+from pliant_counts.reading import holds_counts, read_counts
+from pliant_counts.task_keys import changed_task
 
 
 @pytest.fixture(scope="module")

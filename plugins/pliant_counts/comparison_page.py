@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pliant.evidence.counts import ConditionResult, CountComparison
 from pliant.formatting import number, whole_percent
-from pliant.records.counts import Counts
 from pliant.report.comparison import ROWS, SCORE_COLUMNS, starred, yes
-from pliant.report.count_answers import comparison_answers, counted
 from pliant.report.document import (
     Column,
     Document,
@@ -23,7 +20,10 @@ from pliant.report.document import (
     section,
 )
 from pliant.report.fitted import caveat
-from pliant.report.success_chart import Series, success_chart
+from pliant_counts.answers import comparison_answers, counted
+from pliant_counts.comparison import ConditionResult, CountComparison
+from pliant_counts.records import Counts
+from pliant_counts.success_chart import Series, success_chart
 
 CONDITIONS_BRIEF = 40  # rows of the terminal's table
 NAMED = 4

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.diagnosis.counts_evidence import CountEvidence, Explanation
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds, credible_set
 from pliant.diagnosis.verdict import NOT_PREDICTIVE, Judgement, Verdict, named
-from pliant.evidence.binomial import fisher_p, holm
-from pliant.evidence.counts import (
+from pliant.evidence.excess import Excess
+from pliant_counts.binomial import fisher_p, holm
+from pliant_counts.comparison import (
     ConditionResult,
     CountComparison,
 )
-from pliant.evidence.excess import Excess
+from pliant_counts.evidence import CountEvidence, Explanation
 
 BELIEVED = 0.9
 FEWEST_TRIALS, FEWEST_CONDITIONS = 12, 3

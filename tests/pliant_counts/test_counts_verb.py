@@ -4,7 +4,7 @@ import json
 
 import pytest
 from tests.command import called
-from tests.counts.counts_study import HEADER, STUDY
+from tests.pliant_counts.counts_study import HEADER, STUDY
 
 ROWS = "a,egg,15,2,10,10\nb,egg,15,2,9,10\na,cylinder,11,8,10,10\nb,cylinder,11,8,9,10\n"
 

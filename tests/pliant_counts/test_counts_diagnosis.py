@@ -2,24 +2,25 @@
 
 import numpy as np
 import pytest
-from tests.counts.counts_study import HEADER, STUDY
+from tests.pliant_counts.counts_study import HEADER, STUDY
 
 from pliant.config.loading import load_study
 from pliant.config.measurements import PlausibleRange
-from pliant.diagnosis.counts_evidence import probabilities, weighed
-from pliant.diagnosis.counts_parameters import (
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
+from pliant.errors import UserError
+from pliant.registry.discovery import discover
+from pliant_counts.counted_study import CountedStudy, counted_study
+from pliant_counts.diagnosis_page import counts_diagnosis_json, counts_why
+from pliant_counts.evidence import probabilities, weighed
+from pliant_counts.parameters import (
     VariedParameter,
     effect_parameters,
     scan_levels,
     task_parameters,
 )
-from pliant.diagnosis.counts_verdict import judge_counts
-from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
-from pliant.errors import UserError
-from pliant.evidence.counts import CountedStudy, Setting, counted_study
-from pliant.records.counts import CountCondition, Counts, CountSet
-from pliant.registry.discovery import discover
-from pliant.report.count_hypotheses import counts_diagnosis_json, counts_why
+from pliant_counts.records import CountCondition, Counts, CountSet
+from pliant_counts.trials import Setting
+from pliant_counts.verdict import judge_counts
 
 REGISTRY = discover()
 LOADS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import betabinom, chi2_contingency, fisher_exact
 
-from pliant.evidence.binomial import (
+from pliant_counts.binomial import (
     chi_square,
     deviance,
     fisher_p,

@@ -8,9 +8,10 @@ from benchmarks.real.grasp_counts import TABLE, published, write_counts
 from tests.command import called
 
 from pliant.config.loading import load_study
-from pliant.diagnosis.counts_parameters import task_parameters
-from pliant.evidence.counts import compare_counts, counted_study
 from pliant.registry.discovery import discover
+from pliant_counts.comparison import compare_counts
+from pliant_counts.counted_study import counted_study
+from pliant_counts.parameters import task_parameters
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grasp" / "counts.yaml"
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pliant.diagnosis.counts_evidence import CountEvidence
-from pliant.diagnosis.counts_verdict import CountJudgement
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.verdict import named
-from pliant.evidence.binomial import Count
-from pliant.evidence.counts import CountComparison
 from pliant.formatting import listed, plural
 from pliant.report.answers import Answers, contenders_sentence
 from pliant.report.document import answers
 from pliant.report.fitted import probability_text
+from pliant_counts.binomial import Count
+from pliant_counts.comparison import CountComparison
+from pliant_counts.evidence import CountEvidence
+from pliant_counts.verdict import CountJudgement
 
 MOST_NAMED = 3
 REPEATS = "Find out what differed between these sets, and count them again."

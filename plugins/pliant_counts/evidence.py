@@ -22,20 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from pliant.diagnosis.counts_parameters import VariedParameter
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.evidence_table import probabilities as verdict_probabilities
-from pliant.evidence.binomial import Count, log_own, log_predictive
-from pliant.evidence.counts import (
-    CountComparison,
-    CountedStudy,
-    Setting,
-    compare_counts,
-    simulate_trials,
-)
 from pliant.execution.executors import Workers
 from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
+from pliant_counts.binomial import Count, log_own, log_predictive
+from pliant_counts.comparison import CountComparison, compare_counts
+from pliant_counts.counted_study import CountedStudy
+from pliant_counts.parameters import VariedParameter
+from pliant_counts.trials import Setting, simulate_trials
 
 TEMPERATURE = 2.0
 Point = tuple[tuple[VariedParameter, ...], tuple[float, ...]]  # the varied parameters, and their levels

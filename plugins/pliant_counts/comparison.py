@@ -4,25 +4,18 @@ Both sides are finite: s of n measured, t of m simulated. The log-likelihood of 
 count given the simulated one (`binomial.log_predictive`); its test is Fisher's exact one, adjusted for the number of
 conditions by Holm. Sets of one condition are tested against each other in the same way: contradictory repeats are a
 finding about the test rig, reported before any about the model.
-
-The trials of a study's task under many settings are simulated here, each an artifact of the store, by any executor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy
 
-from pliant.config.measurements import MeasurementsConfig
-from pliant.config.study import Study
-from pliant.config.task_keys import changed_task
-from pliant.errors import NotReachedError, UserError
-from pliant.evidence.binomial import (
+from pliant_counts.binomial import (
     Count,
     chi_square,
     deviance,
@@ -35,92 +28,7 @@ from pliant.evidence.binomial import (
     signed_z,
     wilson,
 )
-from pliant.execution.executors import InlineExecutor, Workers, executor_for
-from pliant.execution.jobs import JobQueue
-from pliant.interfaces.effect import EffectConfig
-from pliant.interfaces.task import TaskConfig
-from pliant.measurements.counts_reading import counts_trials, holds_counts, read_counts
-from pliant.measurements.files import Sources, expand_sources
-from pliant.pipeline.remote import RemoteStudy
-from pliant.pipeline.simulate import ChainSource, simulate_stage
-from pliant.pipeline.study import build_study_chain, study_physics
-from pliant.pipeline.workbench import RunContext
-from pliant.records.counts import CountCondition, Counts
-from pliant_tables.columns import is_frame
-
-SHARE = "success_share"
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A task's config with its conditions, noise and number of trials, and the effects in the model."""
-
-    task: TaskConfig
-    effects: tuple[EffectConfig, ...]
-
-
-def simulate_trials(
-    bench: RunContext, study: Study, settings: Sequence[Setting], workers: Workers = 1
-) -> list[Count]:
-    """Return successes and trials of each setting; results in the store are reused.
-
-    Args:
-        bench: plugins, store, progress.
-        study: chain, physics and everything else that the settings share.
-        settings: see `Setting`; trials of one seed draw the same random numbers in every setting.
-        workers: see `executor_for`; 1 simulates in this process.
-
-    Raises:
-        UserError: a task that does not count successes, or an engine that cannot simulate it.
-        NotReachedError: a setting killed its worker twice; the results of the others are in the store.
-    """
-    source = build_study_chain(bench, study)  # the law is stored before workers begin
-    bar = bench.progress.begin("simulating conditions", len(settings))
-    function: Callable[[Any], Count] = partial(_simulated, bench, study, source)
-    items: Sequence[Any] = settings
-    done = []
-    try:
-        with executor_for(workers, len(settings)) as executor:
-            if not isinstance(executor, InlineExecutor):
-                modules = (__name__,) if executor.remote else ()
-                items = [
-                    RemoteStudy.from_study(bench, _with(study, setting), modules) for setting in settings
-                ]
-                function = simulate_remote
-            with JobQueue(executor, function) as queue:
-                for one in queue.each(items):
-                    done.append(one)
-                    bar.advance()
-    finally:
-        bar.finish()
-    return [one.unwrap() for one in done]
-
-
-def simulate_remote(remote: RemoteStudy) -> tuple[int, int]:
-    """Run the task of a study in a worker, through the shared store."""
-    bench, study = remote.open()
-    setting = Setting(study.need("task", "a simulation"), study.effects)
-    return _simulated(bench, study, build_study_chain(bench, study), setting)
-
-
-def _with(study: Study, setting: Setting) -> Study:
-    """Return the study of one setting; its task includes the study's noise."""
-    changes = {"task": setting.task, "effects": setting.effects}
-    return study.model_copy(update={**changes, "noise": None, "measurements": None, "cross_check": ()})
-
-
-def _simulated(bench: RunContext, study: Study, source: ChainSource, setting: Setting) -> Count:
-    task = setting.task
-    made = simulate_stage(bench, source, study_physics(bench, study), task, setting.effects)
-    share, trials = made.value.metrics.get(SHARE), int(getattr(task, "trials", 1))
-    if share is None:
-        raise UserError(
-            f"task '{task.kind}' does not say how many trials succeed ('{SHARE}'); counts need one."
-        )
-    if not 0.0 <= share <= 1.0:
-        raise NotReachedError(f"task '{task.kind}' gives a share of successes of {share:g}")
-    return round(share * trials), trials
-
+from pliant_counts.records import CountCondition, Counts
 
 LEVEL = 0.05
 
@@ -288,62 +196,3 @@ def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountCompariso
         n_repeated=len(repeated),
         remarks=counts.remarks,
     )
-
-
-@dataclass(frozen=True)
-class CountedStudy:
-    """A study with the counts that it is compared with.
-
-    Attributes:
-        study: chain, physics, task, effects.
-        task: its task with the study's noise.
-        counts: what was measured.
-        trials: to simulate for each condition.
-    """
-
-    study: Study
-    task: TaskConfig
-    counts: Counts
-    trials: int
-
-    def condition_task(self, condition: CountCondition) -> TaskConfig:
-        """Return the task as performed under a condition, with the trials to simulate."""
-        return changed_task(self.task, {**condition.changes, "task.trials": self.trials})
-
-
-def is_counted(study: Study, data: Sources = None) -> bool:
-    """Return whether the study's measurements, or `data`, are a file of counts."""
-    path = _file(study, data)
-    return path is not None and holds_counts(path, study.task, study.measurements)
-
-
-def counted_study(study: Study, data: Sources = None) -> CountedStudy:
-    """Read the counts; raise `UserError` for a task that counts no trials, besides the errors of `read_counts`."""
-    path = _file(study, data)
-    if path is None:
-        raise UserError(f"study '{study.name}' names no measurements; give --data counts.csv.")
-    settings = study.measurements or MeasurementsConfig(file=str(path))
-    if study.task is None or not counts_trials(study.task):
-        has = f"its task '{study.task.kind}' has no trials" if study.task else "it has no 'task'"
-        raise UserError(
-            f"{path} is a file of counts, and study '{study.name}' cannot be counted: {has}. Counts need a task with "
-            "'trials', such as 'grasp'."
-        )
-    task = study.noisy_task()
-    return CountedStudy(study, task, read_counts(path, task, settings), settings.trials)
-
-
-def compare_counted(bench: RunContext, counted: CountedStudy, workers: Workers = 1) -> CountComparison:
-    """Simulate every condition under the study's noise, each an artifact of the store, and compare."""
-    settings = [
-        Setting(counted.condition_task(condition), counted.study.effects)
-        for condition in counted.counts.conditions
-    ]
-    return compare_counts(counted.counts, simulate_trials(bench, counted.study, settings, workers))
-
-
-def _file(study: Study, data: Sources) -> Any:
-    """Return the one table that may contain counts; None where there are several, or none."""
-    files = data if data is not None else study.measurements.file if study.measurements is not None else ()
-    sources = expand_sources(files) if is_frame(files) or files else []
-    return sources[0] if len(sources) == 1 else None

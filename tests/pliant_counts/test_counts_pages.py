@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
-from tests.counts.test_counts_comparison import make_counts
-from tests.counts.test_counts_diagnosis import counted, draw_sets, scan, shares
+from tests.pliant_counts.test_counts_comparison import make_counts
+from tests.pliant_counts.test_counts_diagnosis import counted, draw_sets, scan, shares
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, labels_before_the_picture
 
-from pliant.diagnosis.counts_evidence import weighed
-from pliant.diagnosis.counts_verdict import judge_counts
-from pliant.evidence.counts import compare_counts
-from pliant.records.counts import Counts
 from pliant.registry.discovery import discover
-from pliant.report.count_hypotheses import counts_diagnosis_document
-from pliant.report.counts import counts_document
 from pliant.report.render import page, terminal
+from pliant_counts.comparison import compare_counts
+from pliant_counts.comparison_page import counts_document
+from pliant_counts.diagnosis_page import counts_diagnosis_document
+from pliant_counts.evidence import weighed
+from pliant_counts.records import Counts
+from pliant_counts.verdict import judge_counts
 
 
 def document_answers(document):

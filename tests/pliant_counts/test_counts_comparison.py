@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pliant.evidence.counts import compare_counts
-from pliant.records.counts import CountCondition, Counts, CountSet
-from pliant.report.counts import counts_json, interpret_counts
+from pliant_counts.comparison import compare_counts
+from pliant_counts.comparison_page import counts_json, interpret_counts
+from pliant_counts.records import CountCondition, Counts, CountSet
 
 
 def make_counts(*conditions):
