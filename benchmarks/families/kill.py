@@ -42,7 +42,7 @@ STARTING = 0.2  # share of the kills that come before the first solve
 SPRINGS = f"""\
 pliant: 1
 name: killed-springs
-plugins: ['{ROOT}/tests/pipeline/springs_plugin.py']
+plugins: ['{ROOT}/tests/pliant_designs/springs_plugin.py']
 family: {{kind: springs, radius: 5 mm, length: 11 mm}}
 material: {{kind: neo_hookean, shear_modulus: 240 kPa}}
 fem: {{kind: springs_fem, pressure_max: 15 kPa, sampling: grid, delay_s: 0.05}}

@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.output import make_parser, read, write
 
 from pliant import api
-from pliant.config.designs import sweep_designs
 from pliant.errors import InvalidDesignError, UserError
-from pliant.pipeline.sweep import SweepRun
+from pliant_designs.sweep import SweepRun
+from pliant_designs.sweep_designs import sweep_designs
 
 WORKERS = 2
 MATERIAL = "material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}\n"

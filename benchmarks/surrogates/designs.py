@@ -22,9 +22,9 @@ from benchmarks.output import OUT, Bar, component, make_parser, registry, time_c
 from benchmarks.surrogates.kinds import as_json, left_out, line, scored, table
 
 from pliant import api
-from pliant.pipeline.meta_model.designs import from_table
-from pliant.pipeline.sweep import write_sweep_table
-from pliant.records.solved import SolvedDesigns
+from pliant_designs.records import SolvedDesigns
+from pliant_designs.solved_designs import from_table
+from pliant_designs.sweep_table import write_sweep_table
 from pliant_plugins.families.reference import THREE_CHAMBER
 
 FOLDS = 8

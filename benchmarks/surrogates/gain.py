@@ -18,12 +18,12 @@ from benchmarks.output import Bar, make_parser, write
 from benchmarks.surrogates.kinds import design_misses, table
 from scipy.stats import qmc
 
-from pliant.interfaces.meta_model import DesignLaws
-from pliant.pipeline.meta_model.cross_validation import shares
 from pliant.records.design import Array
-from pliant.records.solved import SolvedDesigns
-from pliant_plugins.meta_models.config import RegressionConfig
-from pliant_plugins.meta_models.regression import Regression
+from pliant_designs.cross_validation import shares
+from pliant_designs.meta_model import DesignLaws
+from pliant_designs.meta_models.config import RegressionConfig
+from pliant_designs.meta_models.regression import Regression
+from pliant_designs.records import SolvedDesigns
 
 OVER = 256
 SEED = 0

@@ -12,18 +12,18 @@ from benchmarks.output import ROOT, component
 
 from pliant.errors import UserError
 from pliant.execution.progress import Silent
-from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
 from pliant.interfaces.surrogate import Surrogate
-from pliant.pipeline.meta_model.cross_validation import (
+from pliant.records.law import LawRecord
+from pliant_designs.cross_validation import (
     LeftOutResiduals,
     Scores,
     cross_validation_folds,
     misses_left_out,
     scores_by_place,
 )
-from pliant.pipeline.meta_model.designs import from_table
-from pliant.records.law import LawRecord
-from pliant.records.solved import SolvedDesigns
+from pliant_designs.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
+from pliant_designs.records import SolvedDesigns
+from pliant_designs.solved_designs import from_table
 
 TABLES = ROOT / "examples/designs"
 FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical", "chambers": "two_chamber"}

@@ -18,18 +18,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from pliant.config.loading import load_study
-from pliant.config.problems import sentences
-from pliant.config.study import Study, varied
+from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.steps import Improvement
-from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.prediction import Predictor, read_study_measurement
@@ -42,9 +38,6 @@ from pliant.inverse.statics import InverseStatics
 from pliant.measurements.recording import read_recording
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.carried import carried_chain
-from pliant.pipeline.meta_model.cross_validation import Scores
-from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
-from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import (
     StudyRun,
@@ -54,9 +47,7 @@ from pliant.pipeline.study import (
     solve_study_fem,
     study_physics,
 )
-from pliant.pipeline.sweep import SweepRun, sweep_study
 from pliant.pipeline.workbench import RunContext
-from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import discover, left_out
 from pliant.registry.files import with_files
@@ -67,6 +58,7 @@ from pliant.store.store import Artifact, ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
 CALIBRATE = "pliant_calibrate"  # package of the calibrations
+DESIGNS = "pliant_designs"  # package of sweeps and meta-models
 # Measurement files, patterns or pandas frames, read together in their order, or a measurement; None for the files
 # that the study names.
 Data = Any
@@ -109,7 +101,7 @@ def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = Non
     return RunContext(discover(), ArtifactStore(Path(store)), progress or Silent())
 
 
-def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SweepRun:
+def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> Any:
     """Solve the FEM data of all designs of the study's `sweep`: `pliant fem`.
 
     Args:
@@ -119,54 +111,20 @@ def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = Non
         workers: local processes instead; 1 solves in this process. By default the study's, or one for each CPU.
 
     A script that starts processes needs `if __name__ == "__main__":`.
+
+    Returns:
+        A `pliant_designs.sweep.SweepRun`.
     """
-    return sweep_study(opened.bench, opened.study, executor=executor, workers=workers)
+    return package_function("sweep", DESIGNS)(opened.bench, opened.study, executor=executor, workers=workers)
 
 
-@dataclass(frozen=True, eq=False)
-class UnseenDesigns:
-    """The fitted meta-model of a study.
+def meta_model(opened: OpenStudy) -> Any:
+    """Return the study's meta-model, after solving its designs if necessary: `pliant fit`.
 
-    Attributes:
-        opened: the study.
-        stage: the model with its scores, coverage and details.
+    Returns:
+        A `pliant_designs.unseen_designs.UnseenDesigns`.
     """
-
-    opened: OpenStudy
-    stage: MetaModelStage
-
-    @property
-    def scores(self) -> Mapping[str, Scores]:
-        """Errors on held-out designs: all, interior, border."""
-        return self.stage.scores
-
-    def law(self, parameters: Mapping[str, Any] | None = None) -> JointLaw:
-        """Return the law of a design, with its error bar.
-
-        Args:
-            parameters: of the family, as a study writes them, ``{"average_radius": "7.2 mm"}``; the others are the
-                study's.
-
-        Raises:
-            UserError: an impossible design, or one outside the model's domain.
-        """
-        study = self.opened.study
-        family = study.need("family", "a meta-model")
-        try:
-            changed = varied(family, parameters or {})
-        except ValidationError as error:
-            raise UserError(sentences(error, type(family), lambda path: "", ("family",))) from None
-        self.opened.bench.build("family", changed)
-        return self.stage.law(self.stage.values(changed, study.material))  # type: ignore[arg-type]
-
-    def next(self, count: int = 1) -> list[Proposal]:
-        """Return the designs to solve next, best first."""
-        return designs_to_solve(self.opened.bench, self.opened.study, self.stage, count)
-
-
-def meta_model(opened: OpenStudy) -> UnseenDesigns:
-    """Return the study's meta-model, after solving its designs if necessary: `pliant fit`."""
-    return UnseenDesigns(opened, meta_model_stage(opened.bench, opened.study))
+    return package_function("meta_model", DESIGNS)(opened)
 
 
 def fem(opened: OpenStudy) -> tuple[Artifact, ...]:

@@ -50,7 +50,6 @@ INTERFACES = {
     "material": (("Material",), ()),
     "fem": (("FEMBackend",), ()),
     "surrogate": (("Surrogate",), ()),
-    "meta_model": (("MetaModel",), ()),
     "effect": (("Effect",), ("effect_terms", "effect_found")),
     "physics": (("PhysicsBackend",), ("physics_runs", "physics_motion", "physics_scene")),
     "task": (("Task", "SceneTask"), ()),
@@ -87,14 +86,6 @@ def pliant_blocks() -> Iterable[Block]:
             paths=("file",),
             fixed="they are what the bench recorded",
         ),
-        Block(
-            "sweep",
-            "pliant.config.study:SweepConfig",
-            paths=("designs",),
-            fixed="its designs are what the meta-model is fitted to",
-            check="pliant.config.designs:check_sweep",
-        ),
-        Block("meta_model", interface="meta_model", paths=("data",)),
         Block("uncertainty", "pliant.config.noise:UncertaintyConfig"),
         Block("noise", "pliant.config.noise:NoiseConfig"),
         Block(

@@ -17,7 +17,7 @@ import numpy as np
 
 import pliant
 from pliant import api
-from pliant.config.designs import material_parameters
+from pliant.config.design_parameters import material_parameters
 from pliant.fem_tables.writing import write_table
 from pliant.pipeline.study import solve_study_fem
 from pliant.records.fem import ModuleData

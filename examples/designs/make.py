@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 from pliant import api
-from pliant.pipeline.sweep import write_sweep_table
+from pliant_designs.sweep_table import write_sweep_table
 
 HERE = Path(__file__).parent
 NAMES = ("bending_grid", "bending_test", "chambers_grid", "chambers_test", "helical_grid", "helical_test")

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from pliant import api
-from pliant.pipeline.sweep import write_sweep_table
+from pliant_designs.sweep_table import write_sweep_table
 
 HERE = Path(__file__).parent
 NAME = "gripper_grid"

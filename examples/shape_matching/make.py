@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from pliant import api
-from pliant.pipeline.sweep import write_sweep_table
+from pliant_designs.sweep_table import write_sweep_table
 
 HERE = Path(__file__).parent
 GRID = HERE.parent / "designs" / "helical_grid.csv"

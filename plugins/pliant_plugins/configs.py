@@ -68,9 +68,6 @@ if TYPE_CHECKING:
     from pliant_plugins.materials.neo_hookean import NeoHookeanConfig as NeoHookeanConfig
     from pliant_plugins.materials.ogden import OgdenConfig as OgdenConfig
     from pliant_plugins.materials.yeoh import YeohConfig as YeohConfig
-    from pliant_plugins.meta_models.config import CoefficientsConfig as CoefficientsConfig
-    from pliant_plugins.meta_models.config import NeuralMetaConfig as NeuralMetaConfig
-    from pliant_plugins.meta_models.config import RegressionConfig as RegressionConfig
     from pliant_plugins.physics.mujoco.config import MujocoConfig as MujocoConfig
     from pliant_plugins.physics.pybullet.config import PybulletConfig as PybulletConfig
     from pliant_plugins.physics.quasistatic.config import QuasistaticConfig as QuasistaticConfig

@@ -188,37 +188,6 @@ COMPONENTS = (
         lazy=("torch",),
         install="pip install 'pliant[neural]'",
     ),
-    # meta_model
-    _shipped(
-        "meta_model",
-        "regression",
-        "meta_models.regression:Regression",
-        "Gaussian processes, kernel ridge or polynomials of the design, whichever does better",
-        config="meta_models.config:RegressionConfig",
-        example={"regressor": "gaussian_process"},
-        requires=("sklearn",),
-        install="pip install 'pliant[meta]'",
-    ),
-    _shipped(
-        "meta_model",
-        "coefficients",
-        "meta_models.coefficients:Coefficients",
-        "network 64-64-32 from the design to the coefficients of its law",
-        config="meta_models.config:CoefficientsConfig",
-        example={"starts": 2},
-        requires=("torch",),
-        install="pip install 'pliant[neural]'",
-    ),
-    _shipped(
-        "meta_model",
-        "neural",
-        "meta_models.neural:NeuralMetaModel",
-        "one network of design, actuation and deformation: an energy, or torques as in the study",
-        config="meta_models.config:NeuralMetaConfig",
-        example={"units": 16, "steps": 200},
-        requires=("torch",),
-        install="pip install 'pliant[neural]'",
-    ),
     # physics
     _shipped(
         "physics",

@@ -103,10 +103,10 @@ def _last_round(study: Study, result: SearchResult, folder: Path) -> Study:
     searched, target = last_round(study, result), folder / DESIGNS
     with writing_in(folder):
         target.unlink(missing_ok=True)
-        if searched is study or searched.meta_model is None:
+        if searched is study or searched.block("meta_model") is None:
             return study
         shutil.copyfile(result.rounds[-1].table, target)
-    model = searched.meta_model.model_copy(update={"data": target.resolve()})
+    model = searched.block("meta_model").model_copy(update={"data": target.resolve()})
     return searched.model_copy(update={"meta_model": model})
 
 

@@ -17,11 +17,11 @@ from pliant.errors import PliantError, UserError
 from pliant.execution.executors import Executor, Workers, either, executor_for
 from pliant.execution.progress import Once
 from pliant.pipeline.engine_checks import check_engines
-from pliant.pipeline.meta_model.stage import meta_model_stage
 from pliant.pipeline.study import study_physics
 from pliant.pipeline.workbench import RunContext
 from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import Artifact
+from pliant_designs.stage import meta_model_stage
 from pliant_search.evaluate.evaluator import OF_EVERY_TASK, build_search_problem, evaluator_from_study
 from pliant_search.evaluate.scenarios import tolerance_notes
 from pliant_search.problem.feasibility import require_feasible, require_reachable
@@ -112,11 +112,11 @@ def _rounds(
         if check is None or not broken or not check.laws or not _one_best(result) or len(rounds) == most:
             return made, problem, result
         following = with_checked(bench, problem, result.best)
-        if following is None or following.meta_model is None:
+        if following is None or following.block("meta_model") is None:
             bench.progress.note("no further round: the meta-model has the FEM of this design already.")
             return made, problem, result
         worst = max(float(law.get("worst_of_range", nan)) for law in check.laws)
-        table = str(following.meta_model.data)
+        table = str(following.block("meta_model").data)
         rounds.append(SearchRound(result.best[0], broken, worst, result.evaluations, table))
         bench.progress.note(
             f"round {len(rounds)} of {most}: by direct FEM the best design breaks {', '.join(broken)}; searching on "
@@ -160,9 +160,9 @@ def _one_best(result: SearchResult) -> bool:
 
 def last_round(study: Study, result: SearchResult) -> Study:
     """Return the last searched study, with the FEM of refused designs among the meta-model's data."""
-    if not result.rounds or study.meta_model is None:
+    if not result.rounds or study.block("meta_model") is None:
         return study
-    model = study.meta_model.model_copy(update={"data": Path(result.rounds[-1].table)})
+    model = study.block("meta_model").model_copy(update={"data": Path(result.rounds[-1].table)})
     return study.model_copy(update={"meta_model": model, "sweep": None})
 
 
@@ -260,7 +260,7 @@ def _searched(
     """
     config = study.need("search", "a search")
     inputs: dict[str, str] = {"round_before": after} if after else {}
-    if study.meta_model is not None and study.family is not None:
+    if study.block("meta_model") is not None and study.family is not None:
         inputs["meta_model"] = meta_model_stage(bench, study).artifact.key
     continued, before = dict(inputs), None
     if config.robust is not None and config.robust.compare:

@@ -4,7 +4,7 @@ import csv
 import re
 
 import pytest
-from tests.pipeline import meta_bench as bench
+from tests.pliant_designs import meta_bench as bench
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import re
 from html import unescape
 
 import pytest
-from tests.pipeline import meta_bench as bench
+from tests.pliant_designs import meta_bench as bench
 
 from pliant.fem_tables.writing import write_table
 from pliant.formatting import percent

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 from tests.cli.conftest import interrupted
-from tests.pipeline import sweep_bench as bench
+from tests.pliant_designs import sweep_bench as bench
 
 GRID = "{radius: [5 mm, 10 mm], length: [9 mm, 11 mm]}"
 

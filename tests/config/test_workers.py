@@ -6,10 +6,10 @@ import pytest
 from tests.config.test_loading import REGISTRY, STUDY, problem, write
 
 from pliant.config.loading import load_study
-from pliant.pipeline import sweep
 from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.workbench import RunContext
 from pliant.store.store import ArtifactStore
+from pliant_designs import sweep
 
 __all__ = ["write"]
 ADDRESS = "tcp://host:8786"

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 from tests.cli.search_study import STUDY
-from tests.pipeline import sweep_bench as bench
+from tests.pliant_designs import sweep_bench as bench
 
 from pliant import api
 

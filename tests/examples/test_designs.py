@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pliant import api
-from pliant.config.designs import sweep_designs
 from pliant.errors import InvalidDesignError
 from pliant.fem_tables.reading import read_designs_table
 from pliant.records.fem import SELF_CONTACT, TRUSTED
+from pliant_designs.sweep_designs import sweep_designs
 
 DESIGNS = Path(__file__).parents[2] / "examples/designs"
 TABLES = {"bending_grid": 56, "bending_test": 24, "helical_grid": 25, "helical_test": 8}

@@ -17,7 +17,6 @@ import numpy as np
 from pydantic import ValidationError
 from tests.pipeline.analytic import Analytic, Potential, power, sine
 
-from pliant.config.designs import sweep_designs
 from pliant.config.study import Study, written_name
 from pliant.config.study_keys import KeyPath
 from pliant.errors import InvalidDesignError, PliantError
@@ -43,6 +42,7 @@ from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
 from pliant.testing.box import box_problem
+from pliant_designs.sweep_designs import sweep_designs
 from pliant_search.evaluate.fast_path import FastPath
 from pliant_search.records import SearchResult
 from pliant_search.stage import search_study

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROOMS: Mapping[str, Sequence[str]] = {
     "physics": ("plugins/pliant_plugins/physics", "core/pliant/mechanics"),
     "fem": ("plugins/pliant_plugins/fem",),
-    "laws": ("plugins/pliant_plugins/surrogates", "plugins/pliant_plugins/meta_models"),
+    "laws": ("plugins/pliant_plugins/surrogates", "plugins/pliant_designs"),
     "effects": ("plugins/pliant_plugins/effects",),
     "diagnosis": ("core/pliant/diagnosis", "core/pliant/evidence", "plugins/pliant_counts"),
     "search": ("plugins/pliant_search",),

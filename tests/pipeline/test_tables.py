@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.pipeline.sweep_bench import opened
+from tests.pliant_designs.sweep_bench import opened
 
 from pliant import api
 from pliant.errors import ContractError, UserError
 from pliant.fem_tables.reading import read_designs_table, read_module_table, read_table
 from pliant.fem_tables.writing import write_table
-from pliant.pipeline.sweep import shortened, write_sweep_table
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import EXTENSIBLE_AXES, EXTENSION
 from pliant.units import BEYOND
+from pliant_designs.sweep_table import shortened, write_sweep_table
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
 NUMBERS = ("actuation", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")

@@ -6,13 +6,13 @@ import csv
 from pathlib import Path
 
 import pytest
-from tests.pipeline import meta_bench
+from tests.pliant_designs import meta_bench
 
 from pliant import api
 from pliant.errors import UserError
 from pliant.execution.progress import Silent
-from pliant.pipeline.meta_model.designs import solved_designs
-from pliant.pipeline.unread import unread_by_meta_model
+from pliant_designs.solved_designs import solved_designs
+from pliant_designs.stage import unread_by_meta_model
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 STUDY = """pliant: 1

@@ -90,3 +90,17 @@ def test_counts_without_their_package_name_it(verb: str, tmp_path: Path) -> None
     done = called(environment, tmp_path, verb, "study.yaml")
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert "counts belong to the package pliant_counts" in " ".join(done.stderr.split())
+
+
+def test_the_rest_works_without_sweeps_and_meta_models(tmp_path: Path) -> None:
+    environment = without("designs", tmp_path / "site")
+    (tmp_path / "study.yaml").write_text(STATED)
+    assert called(environment, tmp_path, "run", "study.yaml").returncode == 0
+    listed = called(environment, tmp_path, "plugins")
+    assert "polynomial" in listed.stdout and "meta_model" not in listed.stdout
+    (tmp_path / "study.yaml").write_text(f"{STATED}\nsweep: {{radius: [5 mm]}}\nmeta_model: regression\n")
+    for verb in ("fem", "fit"):
+        done = called(environment, tmp_path, verb, "study.yaml")
+        assert done.returncode == 2 and "Traceback" not in done.stderr
+        sentence = " ".join(done.stderr.split())
+        assert "'sweep' and 'meta_model' belong to the package pliant_designs" in sentence

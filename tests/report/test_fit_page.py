@@ -53,7 +53,7 @@ from pliant.report.stage import write_page
 from pliant.report.still import still
 from pliant.store.store import ArtifactStore
 from pliant.testing.samples import barred_law, linear_law, sample_table, softening_law
-from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
+from pliant_designs.samples import solved_designs, solved_spherical_designs, spherical_sample_law
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 

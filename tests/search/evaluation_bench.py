@@ -1,7 +1,7 @@
 """Studies whose searches take milliseconds, for tests of the evaluator and of scenarios."""
 
 import numpy as np
-from tests.pipeline import meta_bench
+from tests.pliant_designs import meta_bench
 
 from pliant import api
 from pliant_search.problem.search_problem import SearchProblem

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from tests.command import called
-from tests.pipeline import meta_bench
+from tests.pliant_designs import meta_bench
 from tests.search.test_verification import SPRINGS
 
 from pliant import api

@@ -9,7 +9,7 @@ from tests.search import evaluation_bench as bench
 from pliant import api
 from pliant.records.law import Domain
 from pliant.testing.samples import OpposedLaw
-from pliant.testing.solved_samples import free_angles
+from pliant_designs.samples import free_angles
 from pliant_search.evaluate.evaluator import Evaluator
 from pliant_search.problem.study_setter import changed
 from pliant_search.verify.direct_fem import default_fem

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.pipeline import meta_bench
+from tests.pliant_designs import meta_bench
 from tests.search.found_stand_ins import found
 
 from pliant import api
@@ -73,7 +73,7 @@ def test_the_verified_metrics_equal_the_design_s_own_fem(tmp_path):
 
 
 def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
-    from tests.pipeline.sweep_bench import solved
+    from tests.pliant_designs.sweep_bench import solved
 
     monkeypatch.setenv("SPRINGS_LOG", str(tmp_path / "log"))
     opened = springs(tmp_path)

@@ -14,18 +14,14 @@ from pliant.cli.options import Overrides, verb
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
-from pliant.pipeline.learning import design_learning_stage
-from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
-from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import DEFAULT_SURROGATE, build_study_laws, law_from_table
 from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
 from pliant.registry.blame import blamed_on
+from pliant.registry.function import package_function
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
 from pliant.report.fit_view import ReportedLaw
-from pliant.report.meta import meta_document, stored_meta_page
-from pliant.report.meta_view import MetaFitted
 from pliant.store.store import write_atomically
 
 # Endings of files that are read as tables; the reader reports a file that is no table.
@@ -61,8 +57,6 @@ Learning = Annotated[
 ]
 
 STUDY, RESULT = "study.yaml", "fit.json"
-TABLE = "next.csv"
-STUDYS_WAY = {"kind": "coefficients", "form": "study"}
 
 Next = Annotated[
     int | None,
@@ -96,10 +90,12 @@ def fit(
         fit_table(here, source, kind or DEFAULT_SURROGATE, compare, out, learning)
         return
     loaded = here.study(source, overrides, uses=["sweep"] if next_designs is not None else [])
-    if loaded.meta_model is None and next_designs is not None:
+    swept = loaded.block("meta_model") is not None
+    if not swept and next_designs is not None:
         raise UserError(f"--next is for a study with a 'meta_model' block; '{loaded.name}' has none.")
-    if loaded.meta_model is not None and kind is None:
-        fit_meta(here, loaded, next_designs, out, learning, compare)
+    if swept and kind is None:
+        fit_meta_model = package_function("fit_meta_model", "pliant_designs")
+        fit_meta_model(here, loaded, next_designs, out, learning, compare)
         return
     if kind is not None or compare:
         name = "--kind" if kind is not None else "--compare"
@@ -119,56 +115,6 @@ def _fit_study(here: Session, loaded: Study, out: Path | None, learning: bool) -
     inputs = loaded.canonical()
     document = laws_document(loaded.name, designs, fitted, inputs)
     here.show(document, out, stored_fit_page(bench, document, fitted, inputs))
-
-
-def fit_meta(
-    here: Session,
-    study: Study,
-    count: int | None,
-    out: Path | None,
-    learning: bool = True,
-    compare: bool = False,
-) -> None:
-    """Fit the meta-model, print its errors on held-out designs, and with `count` propose the designs to solve next.
-
-    With `out` its page is written, with the `learning` curve over designs.
-    """
-    if count is not None:
-        check_count(count)
-    folder = out or Path("runs") / study.name
-    if count is not None or out is not None:
-        check_writable(folder)
-    bench = here.bench()
-    stage = meta_model_stage(bench, study)
-    beside = _beside(here, bench, study, stage) if compare else []
-    found = designs_to_solve(bench, study, stage, count) if count is not None else []
-    curve = design_learning_stage(bench, stage) if learning and out is not None else None
-    inputs: Any = study.canonical()
-    fitted = [MetaFitted(stage, curve, found), *map(MetaFitted, beside)]
-    document = meta_document(study.name, fitted, inputs)
-    here.show(document, out, stored_meta_page(bench, document, fitted, inputs))
-    if found:
-        table = folder / TABLE
-        write_proposals(found, table)
-        here.result["csv"] = str(table)
-        here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
-
-
-def _beside(here: Session, bench: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
-    """Fit the published form, a network from parameters to the law's coefficients, to the same designs."""
-    try:
-        config = (
-            bench.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
-        )
-        other = meta_model_stage(bench, study.model_copy(update={"meta_model": config}), stage.solved)
-    except (UserError, MissingDependencyError) as error:
-        here.say(f"beside   {STUDYS_WAY['kind']}: {error}")
-        here.result["compared"] = {STUDYS_WAY["kind"]: {"problem": str(error)}}
-        return []
-    here.result["compared"] = {
-        STUDYS_WAY["kind"]: {"scores": {place: one.as_values() for place, one in other.scores.items()}}
-    }
-    return [other]
 
 
 def fit_table(

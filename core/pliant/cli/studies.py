@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,12 +9,10 @@ from typing import Annotated
 
 import typer
 
-from pliant import __version__
-from pliant.cli.options import Overrides, Scheduler, StudyFile, Workers, verb, workers_or_scheduler
+from pliant.cli.options import Overrides, Scheduler, StudyFile, Workers, verb
 from pliant.cli.session import Session, check_writable, plain
-from pliant.config.designs import material_parameters
-from pliant.config.study import Study
-from pliant.errors import NotReachedError, UserError
+from pliant.config.design_parameters import material_parameters
+from pliant.errors import UserError
 from pliant.fem_tables.writing import write_table
 from pliant.formatting import seconds
 from pliant.pipeline.run_folder import finished, read_folder, table_name, write_folder
@@ -27,20 +24,15 @@ from pliant.pipeline.study import (
     simulate_study,
     solve_study_fem,
 )
-from pliant.pipeline.sweep import sweep_study, write_sweep_table
-from pliant.pipeline.workbench import RunContext
 from pliant.registry.function import package_function
 from pliant.registry.result_folder import result_folder
 from pliant.report.fem import fem_document, stored_fem_page
 from pliant.report.run import run_document, run_json, run_lines, simulation_document, stored_run_page
-from pliant.report.sweep import sweep_document
-from pliant.store.store import write_atomically
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
 ]
 NOT_CONVERGED = 3
-SWEEP_TABLE, INDEX = "fem.csv", "sweep.json"
 
 FieldsFolder = Annotated[
     Path | None,
@@ -104,10 +96,10 @@ def fem(
     bench = here.bench()
     loaded.need("family", "FEM")
     write_fields = fields_writer(fields, fields_of)
-    if loaded.sweep is not None:
+    if loaded.block("sweep") is not None:
         if write_fields is not None:
             raise UserError(f"--fields is for one design; study '{loaded.name}' has a 'sweep'.")
-        solve_and_report_sweep(here, bench, loaded, folder, workers, scheduler)
+        package_function("report_sweep", "pliant_designs")(here, bench, loaded, folder, workers, scheduler)
         return
     if workers is not None or scheduler is not None:
         raise UserError(f"--workers and --scheduler are for a sweep; study '{loaded.name}' has no 'sweep'.")
@@ -162,22 +154,6 @@ def _exit_unless_converged(here: Session, done: StudyRun) -> None:
     ran = [engine.result for engine in done.engines if engine.result is not None]
     if not all(result.final.converged and not result.not_reached for result in ran):
         here.exit_code = NOT_CONVERGED
-
-
-def solve_and_report_sweep(
-    here: Session, bench: RunContext, study: Study, folder: Path, workers: int | None, scheduler: str | None
-) -> None:
-    """Solve the sweep, write its table and index, and print a summary."""
-    chosen = workers_or_scheduler(workers, scheduler)
-    check_writable(folder)
-    run = sweep_study(bench, study, executor=chosen)
-    write_sweep_table(run, folder / SWEEP_TABLE)
-    here.show(sweep_document(run, study.name, folder / SWEEP_TABLE))
-    index = {"pliant": __version__, "study": study.name, **plain(here.result)}
-    write_atomically(folder / INDEX, json.dumps(index, indent=1, allow_nan=False))
-    here.say(f"table    {folder / SWEEP_TABLE}, designs in {folder / INDEX}")
-    if here.result["failed"] or run.failed() or not run.done():
-        here.exit_code = NotReachedError.exit_code
 
 
 def fields_writer(folder: Path | None, which: str) -> Callable[..., None] | None:

@@ -16,11 +16,14 @@ from pliant.config.paths import path_keys
 from pliant.config.study import Study, allowed_keys
 from pliant.config.yaml_file import DEEPEST, KeyPath, Plain, bounded_yaml
 from pliant.errors import UserError, closest
-from pliant.registry.block import kind_blocks
+from pliant.registry.block import blocks, kind_blocks
 from pliant.registry.discovery import Registry
 from pliant.units import strip_unit_suffix
 
-FITTED = ("surrogate", "meta_model")  # blocks whose `data` all kinds share
+
+def fitted_blocks() -> list[str]:
+    """Return the blocks of one component with a table `data`, which all its kinds share."""
+    return [key for key, block in blocks().items() if block.interface and "data" in block.paths]
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,7 +99,11 @@ def with_payload(
 def _with_data(raw: Mapping[str, Any], merged: dict[str, Any], path: KeyPath) -> dict[str, Any]:
     """Return the merged values with the data of blocks of which only the kind changed: all kinds use the same data."""
     block = path[0]
-    if block not in FITTED or path[1:] not in ((), ("kind",)) or not isinstance(raw.get(block), Mapping):
+    if (
+        block not in fitted_blocks()
+        or path[1:] not in ((), ("kind",))
+        or not isinstance(raw.get(block), Mapping)
+    ):
         return merged
     old, new = raw[block], merged[block]
     if "data" in old and set(new) == {"kind"}:
@@ -150,7 +157,7 @@ def as_overrides(study: Study, changes: Mapping[str, Any]) -> list[str]:
     """
     made: list[str] = []
     for key, value in changes.items():
-        if key in FITTED and isinstance(value, Mapping) and "kind" in value and len(value) > 1:
+        if key in fitted_blocks() and isinstance(value, Mapping) and "kind" in value and len(value) > 1:
             value = {"data": None, **value} if getattr(getattr(study, key), "data", None) else value
         made += _assigned(key if "." in key or key in type(study).model_fields else _only(study, key), value)
     return made

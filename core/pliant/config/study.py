@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
+from pydantic import Field, PrivateAttr, create_model, model_validator
 
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
@@ -20,17 +20,14 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.material import MaterialConfig
-from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.registry.block import Block, blocks, kind_blocks, kind_lists
 from pliant.registry.discovery import Registry
 from pliant.registry.interface import interfaces
+from pliant.registry.place import imported
 from pliant.units import Ratio, strip_unit_suffix
-
-SWEPT_BLOCKS = ("family", "material")
-RANGE = {"low", "high", "count"}
 
 
 class WorkersConfig(FrozenModel):
@@ -67,38 +64,6 @@ class WorkersConfig(FrozenModel):
     def who(self) -> int | str | None:
         """Return a number of processes, or a scheduler's address or file; None: a process for each CPU."""
         return self.address if self.kind == "dask" else self.count
-
-
-class SweepConfig(FrozenModel):
-    """Parameters of the family, as the family block writes them, each with a list of values or a range `{low: 5 mm,
-    high: 7 mm, count: 5}`; every combination is a design. `material.shear_modulus` names a constant of the material.
-    `designs: table.csv` gives one design per row instead, the header naming parameters.
-    """
-
-    model_config = ConfigDict(extra="allow")
-
-    designs: Path | None = Field(
-        None, description="a CSV with one design per row, its header naming parameters"
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _flat(cls, raw: Any) -> Any:
-        """Return `material: {shear_modulus: …}`, as overrides write it, as `material.shear_modulus: …`."""
-        if not isinstance(raw, Mapping):
-            return raw
-        flat: dict[Any, Any] = {}
-        for name, value in raw.items():
-            if name in SWEPT_BLOCKS and isinstance(value, Mapping) and not RANGE & set(value):
-                flat.update({f"{name}.{inner}": item for inner, item in value.items()})
-            else:
-                flat[name] = value
-        return flat
-
-    @property
-    def axes(self) -> Mapping[str, Any]:
-        """Return each parameter → its values, both as the study writes them."""
-        return {name: value for name, value in (self.model_extra or {}).items() if value is not None}
 
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
@@ -139,10 +104,6 @@ class Study(FrozenModel):
     )
     measurements: MeasurementsConfig | None = Field(
         None, description="what the bench recorded (docs/measurement_files.md)"
-    )
-    sweep: SweepConfig | None = Field(None, description="the designs that `pliant fem` solves")
-    meta_model: MetaModelConfig | None = Field(
-        None, description="one model over the designs of a sweep, which gives the law of any other"
     )
     uncertainty: UncertaintyConfig | None = Field(
         None, description="carries the error bars of the laws to the tip"
@@ -194,11 +155,10 @@ class Study(FrozenModel):
 
     def unused(self) -> list[str]:
         """Return keys that are set but that no stage of a run reads, without `read_by`."""
-        # A meta-model without a table is fitted to the designs of the sweep.
-        swept = self.meta_model is not None and self.meta_model.data is None
-        keys = ["sweep"] if self.sweep is not None and not swept else []
-        if self.meta_model is not None and self.surrogate is not None:
-            keys.append("surrogate")  # laws come from the meta-model
+        keys: list[str] = []
+        for block in blocks().values():
+            if block.unused and self.block(block.key) is not None:
+                keys += imported(block.unused)(self)
         if self.noise is not None and self.task is not None and not self._task_has_noise():
             keys.append("noise")
         return keys

@@ -1,4 +1,4 @@
-"""Learning curves: error of a surrogate against its number of states, of a meta-model against its designs."""
+"""Learning curves: error of a fit against the number of states, or of other items, that it is given."""
 
 from __future__ import annotations
 
@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.execution.progress import Progress, Silent
-from pliant.interfaces.meta_model import MetaModel
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
-from pliant.pipeline.meta_model.stage import NOT_FITTED, MetaModelStage
 from pliant.pipeline.residuals import Residuals, fitted_box
 from pliant.pipeline.surrogate import without_tables
 from pliant.pipeline.workbench import RunContext, content
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
-from pliant.records.solved import SolvedDesigns
 from pliant.store.store import Artifact, write_atomically
 
 FEWEST = 4
@@ -30,8 +27,7 @@ STEP = np.sqrt(2.0)
 # In every order of states but the first, distances are scaled by a random factor; this deviation is of its logarithm.
 SHUFFLE = 0.5
 HELD_OUT_SHARE = 0.2
-TEST_SHARE = 0.25
-SEED = 0  # of the held-out states or designs
+SEED = 0  # of the held-out states
 WITH, WITHOUT = "with slopes", "without slopes"
 
 
@@ -47,20 +43,6 @@ def learning_stage(
         modules=["pliant.pipeline.learning"],
         config={"surrogate": without_tables(content(config)), "orders": orders},
         inputs=inputs,
-    )
-
-
-def design_learning_stage(bench: RunContext, stage: MetaModelStage) -> Artifact:
-    """Return the learning curve of a meta-model's kind through the store; the value is that of `design_learning`."""
-    model: MetaModel = bench.build("meta_model", stage.config)
-    settings = {name: value for name, value in content(stage.config).items() if name not in NOT_FITTED}
-    return bench.make(
-        "learning",
-        lambda partial: design_learning(model, stage.designs, bench.progress, partial / "points.json"),
-        components=[bench.component("meta_model", stage.config)],
-        modules=["pliant.pipeline.learning"],
-        config={"meta_model": settings, "family": stage.designs.family, "names": list(stage.designs.names)},
-        inputs=stage.solved.inputs,
     )
 
 
@@ -116,57 +98,14 @@ def learning_curve(
         for n in sizes
     ]
     return {
-        **_points(jobs, point, progress or Silent(), "learning curve", kept),
+        **curve_points(jobs, point, progress or Silent(), "learning curve", kept),
         "n_check": int((usable & (data.role == "check")).sum()),
         "sizes": sizes,
         "untrusted": int(np.sum(~usable)),
     }
 
 
-def design_learning(
-    model: MetaModel, designs: SolvedDesigns, progress: Progress, kept: Path | None = None
-) -> dict[str, Any]:
-    """Refit on nested subsets of the designs and score on a held-out quarter of them.
-
-    Subsets start with corners of the range; each next design is the farthest from those before it.
-
-    Returns:
-        `points`: each with `n` designs, and for "all" and "interior" test designs `rms` and `worst`, shares of the
-        range of each design's effort, and `wall_s`; `left_out`: sizes that cannot be fitted, each with its cause;
-        `test`, `interior`: rows of the scoring designs, and of those among them inside the range.
-    """
-    n = len(designs)
-    test = np.sort(np.random.default_rng(SEED).permutation(n)[: max(1, round(TEST_SHARE * n))])
-    train = np.setdiff1d(np.arange(n), test)
-    order = train[spread_order(designs.values[train], np.full(len(train), "designs"), 0)]
-    inner = test[~designs.corners()[test]]
-
-    def point(n: int) -> dict[str, Any]:
-        """Return the scores of the model of some designs."""
-        started = time.perf_counter()
-        laws = model.fit(designs.rows(np.isin(np.arange(len(designs)), order[:n]))).laws
-        wall_s = time.perf_counter() - started
-        shares = {}
-        for i in test:
-            law = laws.law(designs.values[i])
-            everywhere = np.tile([-np.inf, np.inf], (len(law.domain.box), 1))
-            shares[i] = Residuals.from_law(designs.data[i], law, inside=everywhere).share
-
-        def scores(rows: NDArray[np.int64]) -> dict[str, float] | None:
-            if not len(rows):
-                return None
-            every = np.concatenate([shares[i] for i in rows])
-            return {"rms": float(np.sqrt(np.mean(every**2))), "worst": float(every.max())}
-
-        return {"all": scores(test), "interior": scores(inner), "wall_s": wall_s}
-
-    sizes = subset_sizes(len(order), max(model.fewest, len(designs.names) + 1))
-    title = "learning curve over designs"
-    points = _points([{"n": size} for size in sizes], point, progress, title, kept)
-    return {**points, "test": test.tolist(), "interior": inner.tolist()}
-
-
-def _points(
+def curve_points(
     jobs: Sequence[dict[str, Any]],
     point: Callable[..., dict[str, Any]],
     progress: Progress,

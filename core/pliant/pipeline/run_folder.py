@@ -17,21 +17,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pliant.config.designs import material_parameters
+from pliant.config.design_parameters import material_parameters
 from pliant.errors import UserError
 from pliant.fem_tables.reading import read_table
 from pliant.fem_tables.writing import write_table
 from pliant.mechanics.one_input import first_input_law
-from pliant.pipeline.meta_model.stage import read_law
 from pliant.pipeline.plugins_used import find_run_component, used_plugins
+from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.load_frames import LoadFrames
 from pliant.records.rollout import TaskResult
-from pliant.registry.component import Component
+from pliant.registry.block import blocks, kind_blocks
 from pliant.registry.discovery import Registry
+from pliant.registry.law_source import law_sources
+from pliant.registry.place import imported
+from pliant.registry.shipped import REMEDY, shipped_in
 from pliant.store.store import Artifact, CorruptedError, load_artifact, write_atomically, writing_in
 
 TABLE = re.compile(r"fem(_\d+)?\.csv|data/table\d+\.csv")
@@ -150,7 +153,7 @@ def write_folder(folder: Path, run: StudyRun, summary: Mapping[str, Any]) -> Non
             "designs": [_design_name(number, run) for number in range(len(run.designs))],
             "surrogates": [c.canonical() if (c := d.design.surrogate) else None for d in run.designs],
             "families": [f.canonical() if (f := d.design.family) else None for d in run.designs],
-            "meta_models": [m.canonical() if (m := d.design.meta_model) else None for d in run.designs],
+            **{f"{key}s": [_shared_values(design, key) for design in run.designs] for key in law_sources()},
             "segment_designs": run.segment_designs,
             "engines": [[e.kind, e.skipped] for e in run.engines],
             "plugins": used_plugins([artifact.manifest for _, artifact in artifacts]),
@@ -239,16 +242,16 @@ def _read_designs(
 ) -> tuple[DesignResult, ...]:
     # A folder of an older version has one surrogate for all designs.
     configs = index.get("surrogates") or [study.get("surrogate")] * len(index["designs"])
-    metas = index.get("meta_models") or [None] * len(configs)
-    designs = []
-    for number, (name, written, meta) in enumerate(zip(index["designs"], configs, metas, strict=True)):
-        if meta is not None:
-            component = find_run_component(registry, "meta_model", meta["kind"], folder, index)
-            designs.append(_unseen(name, meta, artifacts[f"fit{number}"], component))
+    built, designs = _Built(registry, folder, index), []
+    for number, (name, written) in enumerate(zip(index["designs"], configs, strict=True)):
+        if key := _source_key(index, number):
+            shared = built.build(kind_blocks()[key], {**index[f"{key}s"][number], "data": None})
+            made = artifacts[f"fit{number}"].value
+            law = imported(law_sources()[key].read)(shared, made)
+            designs.append(DesignResult(name, None, law, made["report"]))
             continue
         config = dict(written or {"kind": DEFAULT_SURROGATE})
         config["data"] = None  # the file may have moved; the fitted data are in the folder
-        built = _Built(registry, folder, index)
         surrogate = built.build("surrogate", config)
         fit = artifacts.get(f"fit{number}")
         if fit is None:
@@ -300,10 +303,23 @@ def _several_input_design(name: str, law: JointLaw, report: FitReport | None) ->
     return DesignResult(name, None, first_input_law(law), report, None)
 
 
-def _unseen(name: str, written: Mapping[str, Any], made: Artifact, component: Component) -> DesignResult:
-    """Return a design whose law comes from a meta-model."""
-    config = component.config_model().model_validate({**written, "data": None})
-    return DesignResult(name, None, read_law(component.build(config), made.value), made.value["report"])
+def _shared_values(design: DesignStages, key: str) -> dict[str, Any] | None:
+    """Return the values of the block `key` if the law of a design comes from it."""
+    shared = design.design.shared
+    return shared.canonical() if shared is not None and design.design.source == key else None
+
+
+def _source_key(index: Mapping[str, Any], number: int) -> str:
+    """Return the key of the `LawSource` of a design's law; "" for a law of its own."""
+    for key in (name.removesuffix("s") for name, values in index.items() if values and name.endswith("s")):
+        if key in law_sources() and index[f"{key}s"][number] is not None:
+            return key
+        package = shipped_in(key)
+        if package and key not in blocks() and index[f"{key}s"][number] is not None:
+            raise UserError(
+                f"the law of {index['designs'][number]} belongs to the package {package}, {REMEDY}."
+            )
+    return ""
 
 
 def _remove_earlier(folder: Path, keep: Collection[str]) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.study import Study, varied
 from pliant.errors import UserError
+from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.chain import (
     Module,
@@ -27,6 +27,7 @@ from pliant.pipeline.surrogate import LawStage
 from pliant.pipeline.wiring import actuators_from_configs
 from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
+from pliant.registry.law_source import law_sources
 from pliant.store.store import Artifact
 
 # Builds a module from a law, a family, its density and those of its regions.
@@ -38,18 +39,24 @@ OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offse
 class DesignSpec:
     """Design of modules: a family (None for a law without one) and a surrogate (None for the default).
 
-    With a `meta_model` the law comes from it; the surrogate is the one that a direct FEM check fits.
+    With a `shared` block of the study the law comes from it; the surrogate is the one that a direct FEM check fits.
+
+    Attributes:
+        family, surrogate: configs.
+        shared: config of a block that gives the laws of all families, such as a meta-model.
+        source: its key in the study, that of a `LawSource`.
     """
 
     family: FamilyConfig | None
     surrogate: SurrogateConfig | None
-    meta_model: MetaModelConfig | None = None
+    shared: ComponentConfig | None = None
+    source: str = ""
 
     @property
     def name(self) -> str:
         """Identifying text of the design, independent of the notation in the study."""
         drawn = (self.family.visual, self.family.visual_scale) if self.family else None
-        configs = (self.family, self.surrogate, self.meta_model)
+        configs = (self.family, self.surrogate, self.shared)
         return repr([*(c.canonical() if c else None for c in configs), drawn])
 
 
@@ -67,16 +74,23 @@ class DesignStages:
         return self.design.family
 
 
+def shared_block(study: Study) -> tuple[ComponentConfig | None, str]:
+    """Return the block from which the laws of the study's families come, and its key; (None, "") without one."""
+    found = ((study.block(key), key) for key in law_sources())
+    return next((pair for pair in found if pair[0] is not None), (None, ""))
+
+
 def segment_designs(study: Study) -> list[DesignSpec | None]:
     """Return the design of each segment's modules, with validated changes; None for a rigid piece.
 
-    A segment that states a surrogate does not use the meta-model's law.
+    A segment that states a surrogate does not use a shared block.
 
     Raises:
         UserError: a segment changes a family in an invalid way.
     """
+    shared = shared_block(study)
     if study.chain is None:
-        return [DesignSpec(study.family, study.surrogate, study.meta_model if study.family else None)]
+        return [DesignSpec(study.family, study.surrogate, *(shared if study.family else ()))]
     designs: list[DesignSpec | None] = []
     for number, segment in enumerate(study.chain.as_segments()):
         if segment.rigid is not None:
@@ -90,9 +104,7 @@ def segment_designs(study: Study) -> list[DesignSpec | None]:
         except ValueError as error:
             raise UserError(f"chain.segments.{number}.family: {error}") from None
         own = segment.surrogate is not None or family is None
-        designs.append(
-            DesignSpec(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
-        )
+        designs.append(DesignSpec(family, segment.surrogate or study.surrogate, *(() if own else shared)))
     return designs
 
 

@@ -256,8 +256,8 @@ def _apart(kind: str, there: TaskResult, own: TaskResult, length_m: float) -> Ch
 
 
 def _fem_s(bench: RunContext, study: Study, stages: Sequence[DesignStages]) -> float:
-    """Return the time of the FEM behind the study's laws in s; infinite for that of a meta-model."""
-    if any(stage.design.meta_model is not None for stage in stages):
+    """Return the time of the FEM behind the study's laws in s; infinite for that of a shared block."""
+    if any(stage.design.shared is not None for stage in stages):
         return math.inf
     wall_s = [float(one.fem.manifest["wall_s"]) for one in stages if one.fem is not None]
     return sum(wall_s) if any(needs_fem(bench, study, one.design) for one in stages) else 0.0

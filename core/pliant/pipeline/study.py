@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,6 @@ from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.engine_checks import check_engines
 from pliant.pipeline.equilibrium_tolerance import tolerance_remarks
 from pliant.pipeline.loads import loads_stage
-from pliant.pipeline.meta_model.designs import design_values, solved_designs
-from pliant.pipeline.meta_model.stage import meta_model_law, meta_model_stage
 from pliant.pipeline.remarks import load_remarks, turned_remarks, unused_blocks, unusual_numbers
 from pliant.pipeline.segments import (
     DesignSpec,
@@ -35,6 +33,7 @@ from pliant.pipeline.segments import (
     material_density,
     region_densities,
     segment_designs,
+    shared_block,
 )
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, stated_stage, without_tables
@@ -45,6 +44,8 @@ from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
 from pliant.registry.block import kind_blocks
 from pliant.registry.component import Component
+from pliant.registry.law_source import law_sources
+from pliant.registry.place import imported
 from pliant.store.store import Artifact
 
 DEFAULT_SURROGATE = "polynomial"
@@ -104,10 +105,10 @@ class StudyRun:
 
 
 def law_components(bench: RunContext, stages: Sequence[DesignStages]) -> list[Component]:
-    """Return the distinct surrogates and meta-models of the laws."""
+    """Return the distinct surrogates, and shared components, of the laws."""
     kinds = [
-        ("meta_model", s.design.meta_model.kind)
-        if s.design.meta_model
+        (kind_blocks()[s.design.source], s.design.shared.kind)
+        if s.design.shared
         else ("surrogate", s.design.surrogate.kind if s.design.surrogate else DEFAULT_SURROGATE)
         for s in stages
     ]
@@ -166,33 +167,28 @@ def study_families(study: Study) -> tuple[FamilyConfig, ...]:
 
 
 def build_study_laws(bench: RunContext, study: Study) -> tuple[DesignStages, ...]:
-    """Return data and law of each distinct design of the study; a design with a meta-model has no FEM data.
+    """Return data and law of each distinct design of the study; a design with a shared block has no FEM data.
 
     Raises:
-        UserError: among others, a design outside the meta-model's range.
+        UserError: among others, a design outside the range of a meta-model.
     """
-    designs, meta = distinct_designs(study), None
-    wanted = [design.family for design in designs if design.meta_model is not None]
-    if study.meta_model is not None and wanted:
-        solved = solved_designs(bench, study)
-        d = solved.designs
-        for family in wanted:  # its range is checked before it is fitted
-            assert family is not None
-            design_values(d.names, d.box, d.fixed, family, study.material, study.meta_model.extrapolate)
-        meta = meta_model_stage(bench, study, solved)
-
-    def stages(design: DesignSpec) -> DesignStages:
-        if meta is None or design.meta_model is None or design.family is None:
-            return own_law(bench, study, design)
-        return DesignStages(design, None, meta_model_law(bench, meta, design.family, study.material))
-
-    return tuple(map(stages, designs))
+    designs = distinct_designs(study)
+    sharing = [design for design in designs if design.shared is not None]
+    laws: Iterator[LawStage] = iter(())
+    if sharing:
+        source = law_sources()[sharing[0].source]
+        laws = iter(imported(source.laws)(bench, study, [design.family for design in sharing]))
+    return tuple(
+        DesignStages(design, None, next(laws)) if design.shared is not None else own_law(bench, study, design)
+        for design in designs
+    )
 
 
 def own_law(bench: RunContext, study: Study, design: DesignSpec) -> DesignStages:
-    """Return data and law of a design without a meta-model."""
-    if study.meta_model is not None and design.family is None and design.surrogate is None:
-        study.need("family", "a meta-model")
+    """Return data and law of a design whose law is its own: stated, or fitted to its FEM or to a table."""
+    key = shared_block(study)[1]
+    if key and design.family is None and design.surrogate is None:
+        study.need("family", f"a {key.replace('_', '-')}")
     surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
     stated = stated_law(bench, study, design)
     fem = None
@@ -240,7 +236,7 @@ def law_from_table(
 
 def needs_fem(bench: RunContext, study: Study, design: DesignSpec) -> bool:
     """Return whether the law of a design is fitted to FEM of that design."""
-    if design.meta_model is not None or design.family is None:
+    if design.shared is not None or design.family is None:
         return False
     surrogate: Surrogate = bench.build(
         "surrogate", design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)

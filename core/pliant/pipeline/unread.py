@@ -10,23 +10,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pliant.config.designs import MATERIAL
+from pliant.config.design_parameters import MATERIAL, design_parameters, same_value, shown, study_key
 from pliant.errors import PliantError, UserError
 from pliant.fem_tables.reading import read_labelled_designs
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.surrogate import Surrogate
-from pliant.pipeline.meta_model.designs import design_parameters, same_value, shown, study_key
-from pliant.records.solved import SolvedDesigns
-
-
-def unread_by_meta_model(
-    designs: SolvedDesigns, source: str, family: FamilyConfig, material: MaterialConfig | None
-) -> str:
-    """Return a sentence about constants that no solved design states; "" if all are stated."""
-    known = {*designs.names, *designs.fixed}
-    unread = [name for name in design_parameters(family, material) if name not in known]
-    return _sentence(unread, family, material, source)
 
 
 def unread_by_law(surrogate: Surrogate, family: FamilyConfig, material: MaterialConfig | None) -> str:
@@ -38,13 +27,13 @@ def unread_by_law(surrogate: Surrogate, family: FamilyConfig, material: Material
     tables = list(dict.fromkeys(surrogate.tables().values()))
     if not tables:
         names = [name for name in design_parameters(family, material) if name != f"{MATERIAL}kind"]
-        return _sentence(names, family, material, "")
+        return unread_sentence(names, family, material, "")
     stated: dict[str, Any] = {}
     for path in tables:
         stated |= (columns := _read_design_constants(path))
         _refuse_others(columns, path, family, material)
     unread = [name for name in design_parameters(family, material) if name not in stated]
-    return _sentence(unread, family, material, tables[0].name)
+    return unread_sentence(unread, family, material, tables[0].name)
 
 
 def _read_design_constants(path: Path) -> dict[str, Any]:
@@ -69,7 +58,10 @@ def _refuse_others(
         )
 
 
-def _sentence(names: list[str], family: FamilyConfig, material: MaterialConfig | None, source: str) -> str:
+def unread_sentence(
+    names: list[str], family: FamilyConfig, material: MaterialConfig | None, source: str
+) -> str:
+    """Return a sentence about constants that no column of `source` states; "" for none."""
     keys = [study_key(name, family, material) for name in names if name not in (f"{MATERIAL}kind",)]
     if not keys:
         return ""

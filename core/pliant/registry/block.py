@@ -34,6 +34,8 @@ class Block:
             study has the block; it raises `UserError`, with the line `where(path)`.
         settings: "module:function", called as `settings(value, change)` to change the paths in values that the block
             sets for other keys of the study.
+        unused: "module:function", called as `unused(study)` if the study has the block; it returns keys that no
+            stage of a run reads: its own, or those that it replaces.
         package: name and version of the distribution; filled by `blocks`.
     """
 
@@ -47,6 +49,7 @@ class Block:
     fixed: str = ""
     check: str = ""
     settings: str = ""
+    unused: str = ""
     package: str = ""
 
     @property
@@ -67,7 +70,7 @@ class Block:
             return f"{self.label}: the key is Pliant's own; choose another one"
         if bool(self.model) == bool(self.interface):
             return f"{self.label} needs either a model or an interface"
-        for name in ("model", "check", "settings"):
+        for name in ("model", "check", "settings", "unused"):
             place = getattr(self, name)
             if place and not is_place(place):
                 return f"{self.label} has {name} {place!r}; write it as 'package.module:name'"

@@ -22,6 +22,7 @@ from pliant.registry.failures import FailedPlugin, configured, first_line, imple
 from pliant.registry.function import Function, functions
 from pliant.registry.guarded_effect import GuardedEffect
 from pliant.registry.interface import Interface, interfaces
+from pliant.registry.law_source import LawSource, law_sources
 from pliant.registry.manifests import CONTRACT_VERSION, Entry, distribution_name, entry_points, hooked
 from pliant.registry.result_folder import ResultFolder, result_folders
 from pliant.registry.stored_record import StoredRecord, stored_records
@@ -41,6 +42,7 @@ ENTRIES: Mapping[str, tuple[type[Any], Callable[[], Mapping[str, Entry]]]] = {
     "pliant_records": (StoredRecord, stored_records),
     "pliant_folders": (ResultFolder, result_folders),
     "pliant_data": (DataKind, data_kinds),
+    "pliant_law_sources": (LawSource, law_sources),
     "pliant_functions": (Function, functions),
 }
 

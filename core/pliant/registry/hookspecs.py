@@ -17,6 +17,7 @@ HOOKS = (
     "pliant_interfaces",
     "pliant_folders",
     "pliant_data",
+    "pliant_law_sources",
     "pliant_functions",
 )
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -61,6 +62,11 @@ def pliant_folders() -> Iterable[Any]:  # type: ignore[empty-body]
 @hookspec
 def pliant_data() -> Iterable[Any]:  # type: ignore[empty-body]
     """Return a `DataKind` for each kind of measured data that the package compares and diagnoses."""
+
+
+@hookspec
+def pliant_law_sources() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `LawSource` for each block of a study from which laws of designs come."""
 
 
 @hookspec

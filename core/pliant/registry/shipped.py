@@ -7,6 +7,7 @@ ENTRIES = {
     "pliant_app": ("app",),
     "pliant_calibrate": ("calibrate",),
     "pliant_counts": (),
+    "pliant_designs": ("sweep", "meta_model"),
     "pliant_export": ("export",),
     "pliant_search": ("optimize", "search", "optimizer"),
     "pliant_view": ("render", "view"),

@@ -34,9 +34,9 @@ from pliant.report.document import Document, Drawn, Table, Warned, answers, as_j
 from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
 from pliant.report.fit_view import ReportedLaw, slope_unit, unstable_places
-from pliant.report.meta_view import meta_law_json, meta_law_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
+from pliant.report.unseen_law import meta_law_json, meta_law_lines
 from pliant.units import split_unit
 
 PAGE = "fit.html"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
-from pliant.config.designs import MATERIAL, NO_PART_IN_THE_LAW
+from pliant.config.design_parameters import MATERIAL, NO_PART_IN_THE_LAW
 from pliant.config.study import Study
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
@@ -19,8 +19,6 @@ from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.law_draws import draws
 from pliant.pipeline.chain import NO_SHAPES, Module, RigidPiece, build_chain, family_module
 from pliant.pipeline.engine_checks import check_capabilities
-from pliant.pipeline.meta_model.designs import SourcedDesigns, design_values, solved_designs
-from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.segments import DesignSpec, DesignStages, chain_segments, distinct_designs
 from pliant.pipeline.simulate import run_task
 from pliant.pipeline.study import needs_fem, own_law, study_physics
@@ -29,6 +27,8 @@ from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
+from pliant_designs.solved_designs import SourcedDesigns, design_values, solved_designs
+from pliant_designs.stage import MetaModelStage, meta_model_stage
 
 # Number of designs whose laws and modules are kept, and of drawn laws.
 MOST_DESIGNS, MOST_DRAWN, MOST_ENGINES = 512, 64, 8
@@ -101,7 +101,7 @@ class CachedLaws:
         """
         found = []
         for number, design in enumerate(distinct_designs(study)):
-            if study.meta_model is not None and design.meta_model is not None and design.family is not None:
+            if design.source == "meta_model" and design.family is not None:
                 law, stream = self._by_parameters(study, design.family, draw is not None), 0
             else:
                 law, stream = self._once(study, design), 1 + number
@@ -116,7 +116,7 @@ class CachedLaws:
         Raises:
             UserError: all its solved designs have the same value of one parameter.
         """
-        if self._study.meta_model is None or not names:
+        if self._study.block("meta_model") is None or not names:
             return
         known = self._solved_designs(self._study).designs.names
         for name, key in names.items():
@@ -129,15 +129,15 @@ class CachedLaws:
 
     def _base(self, study: Study) -> Study:
         # The designs are those of the searched study, whatever the candidate's own parameters.
-        return self._study.model_copy(update={"meta_model": study.meta_model})
+        return self._study.model_copy(update={"meta_model": study.block("meta_model")})
 
     def _solved_designs(self, study: Study) -> SourcedDesigns:
         return self._solved.get(
-            repr(study.meta_model), lambda: solved_designs(self._bench, self._base(study))
+            repr(study.block("meta_model")), lambda: solved_designs(self._bench, self._base(study))
         )
 
     def _by_parameters(self, study: Study, family: FamilyConfig, with_error: bool) -> JointLaw:
-        block = study.meta_model
+        block = study.block("meta_model")
         meta = self._metas.get(
             repr(block), lambda: meta_model_stage(self._bench, self._base(study), self._solved_designs(study))
         )

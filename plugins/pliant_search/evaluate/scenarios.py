@@ -18,15 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from pliant.config.designs import MATERIAL
+from pliant.config.design_parameters import MATERIAL, shown
 from pliant.config.study import Study
 from pliant.config.study_keys import KeyPath, study_key
 from pliant.errors import UserError
-from pliant.pipeline.meta_model.designs import ROUNDING, shown, solved_designs
 from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.units import UnitError, parse_quantity
+from pliant_designs.solved_designs import ROUNDING, solved_designs
 from pliant_search.config import RobustConfig
 from pliant_search.evaluate.fast_path import LawDraw
 from pliant_search.problem.search_problem import SearchProblem
@@ -199,7 +199,7 @@ def tolerance_notes(bench: RunContext, problem: SearchProblem, scenarios: tuple[
     Raises:
         UserError: no candidate stays inside the range.
     """
-    block = problem.study.meta_model
+    block = problem.study.block("meta_model")
     deviations = [one for one, _ in scenarios[0].deviations if one.parameter]
     if block is None or block.extrapolate or not deviations:
         return []

@@ -11,12 +11,12 @@ from pliant.config.study import Study
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import FemConfig
-from pliant.pipeline.meta_model.designs import solved_designs
 from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.workbench import RunContext
 from pliant.records.actuation import ActuationKind, actuation_kind, split_actuation_names
 from pliant.records.fem import PASSED, TOUCHING, ModuleData
 from pliant.registry.discovery import Registry
+from pliant_designs.solved_designs import solved_designs
 from pliant_search.config import SearchConfig
 from pliant_search.problem.study_setter import changed
 
@@ -49,7 +49,8 @@ def solvable(study: Study) -> bool:
     """Return whether laws of this study depend on its design, so that direct FEM of a design can check them."""
     search: SearchConfig | None = study.block("search")
     wanted = search is not None and search.verify is not None and search.verify.fem
-    return wanted and study.family is not None and (study.meta_model is not None or study.fem is not None)
+    can = study.block("meta_model") is not None or study.fem is not None
+    return wanted and study.family is not None and can
 
 
 def direct_studies(bench: RunContext, studies: Sequence[Study]) -> tuple[list[Study], list[str]]:

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from pliant.config.design_parameters import design_parameters, same_value
 from pliant.config.study import Study
-from pliant.pipeline.meta_model.designs import design_parameters, same_value, solved_designs
 from pliant.pipeline.study import build_study_laws
-from pliant.pipeline.sweep import write_designs
 from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData
+from pliant_designs.solved_designs import solved_designs
+from pliant_designs.sweep_table import write_designs
 from pliant_search.problem.search_problem import SearchProblem
 from pliant_search.records import FoundDesign
 from pliant_search.verify.direct_fem import direct_studies, solvable
@@ -37,7 +38,7 @@ def with_checked(bench: RunContext, problem: SearchProblem, designs: Sequence[Fo
         designs: the checked designs.
     """
     study = problem.study
-    if study.meta_model is None or not solvable(study):
+    if study.block("meta_model") is None or not solvable(study):
         return None
     known = solved_designs(bench, study).designs
     tables = [
@@ -52,7 +53,7 @@ def with_checked(bench: RunContext, problem: SearchProblem, designs: Sequence[Fo
     if len(tables) == count:
         return None
     path = _written(bench, known.family, tables)
-    model = study.meta_model.model_copy(update={"data": path})
+    model = study.block("meta_model").model_copy(update={"data": path})
     return study.model_copy(update={"meta_model": model, "sweep": None})
 
 

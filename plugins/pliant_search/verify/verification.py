@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from pliant.config.design_parameters import design_parameters, spoken
 from pliant.config.study import Study
 from pliant.errors import PliantError, interrupted
 from pliant.execution.progress import open_progress_bar
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
-from pliant.pipeline.meta_model.designs import design_parameters, scored_states, spoken
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.simulate import simulate_stage
 from pliant.pipeline.study import build_study_chain, build_study_laws, study_physics
@@ -23,6 +23,7 @@ from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.units import strip_unit_suffix
+from pliant_designs.solved_designs import scored_states
 from pliant_search.config import SearchConfig
 from pliant_search.evaluate.evaluator import measured, numbers, shared_means
 from pliant_search.problem.search_problem import SearchProblem

@@ -9,13 +9,13 @@ import numpy as np
 from tests.conformance.broken import Variants
 
 from pliant.errors import UserError
-from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel
 from pliant.records.design import Array
 from pliant.records.law import Effort, LawRecord, ScalarLaw
-from pliant.records.solved import SolvedDesigns
 from pliant.registry.component import Component
-from pliant.testing.meta_model_stand_in import StandInLaws, StandInMetaModel, StandInMetaModelConfig
 from pliant.testing.samples import EnergyLaw
+from pliant_designs.meta_model import DesignLaws, FittedMetaModel
+from pliant_designs.records import SolvedDesigns
+from pliant_designs.stand_in import StandInLaws, StandInMetaModel, StandInMetaModelConfig
 
 
 class SmallConfig(StandInMetaModelConfig):
