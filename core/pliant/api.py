@@ -78,7 +78,7 @@ class OpenStudy:
     """A study with the plugins and the store that its stages need."""
 
     study: Study
-    bench: RunContext
+    context: RunContext
 
 
 def open_study(
@@ -99,10 +99,10 @@ def open_study(
     Raises:
         UserError: the file is missing or wrong; the message lists every problem.
     """
-    bench = workbench(store, progress)
-    study = load_study(Path(path), bench.registry, overrides, progress.note if progress else warnings.warn)
-    registry = with_files(bench.registry, study.plugins)
-    return OpenStudy(study, replace(bench, registry=registry, store=ArtifactStore(Path(store), study.name)))
+    context = workbench(store, progress)
+    study = load_study(Path(path), context.registry, overrides, progress.note if progress else warnings.warn)
+    registry = with_files(context.registry, study.plugins)
+    return OpenStudy(study, replace(context, registry=registry, store=ArtifactStore(Path(store), study.name)))
 
 
 def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> RunContext:
@@ -121,7 +121,7 @@ def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = Non
 
     A script that starts processes needs `if __name__ == "__main__":`.
     """
-    return sweep_study(opened.bench, opened.study, executor=executor, workers=workers)
+    return sweep_study(opened.context, opened.study, executor=executor, workers=workers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,34 +157,34 @@ class UnseenDesigns:
             changed = varied(family, parameters or {})
         except ValidationError as error:
             raise UserError(sentences(error, type(family), lambda path: "", ("family",))) from None
-        self.opened.bench.build("family", changed)
+        self.opened.context.build("family", changed)
         return self.stage.law(self.stage.values(changed, study.material))  # type: ignore[arg-type]
 
     def next(self, count: int = 1) -> list[Proposal]:
         """Return the designs to solve next, best first."""
-        return designs_to_solve(self.opened.bench, self.opened.study, self.stage, count)
+        return designs_to_solve(self.opened.context, self.opened.study, self.stage, count)
 
 
 def meta_model(opened: OpenStudy) -> UnseenDesigns:
     """Return the study's meta-model, after solving its designs if necessary: `pliant fit`."""
-    return UnseenDesigns(opened, meta_model_stage(opened.bench, opened.study))
+    return UnseenDesigns(opened, meta_model_stage(opened.context, opened.study))
 
 
 def fem(opened: OpenStudy) -> tuple[Artifact, ...]:
     """Return the FEM data of each distinct design of the study: `pliant fem`."""
     opened.study.need("family", "FEM")
-    check_study(opened.bench, opened.study)
-    return solve_study_fem(opened.bench, opened.study)
+    check_study(opened.context, opened.study)
+    return solve_study_fem(opened.context, opened.study)
 
 
 def laws(opened: OpenStudy) -> tuple[DesignStages, ...]:
     """Return data and law of each distinct design of the study: `pliant fit`."""
-    return build_study_laws(opened.bench, opened.study)
+    return build_study_laws(opened.context, opened.study)
 
 
 def simulate(opened: OpenStudy) -> StudyRun:
     """Run all stages up to the study's task: `pliant simulate`."""
-    return simulate_study(opened.bench, opened.study)
+    return simulate_study(opened.context, opened.study)
 
 
 def inverse(
@@ -205,9 +205,9 @@ def inverse(
     Raises:
         UserError: a study without a chain, or an input without bounds.
     """
-    chain = carried_chain(opened.bench, opened.study).chain
-    physics = study_physics(opened.bench, opened.study)
-    backend: PhysicsBackend = opened.bench.build("physics", physics)
+    chain = carried_chain(opened.context, opened.study).chain
+    physics = study_physics(opened.context, opened.study)
+    backend: PhysicsBackend = opened.context.build("physics", physics)
     return InverseStatics(backend.build(chain), bounds, samples)
 
 
@@ -242,12 +242,12 @@ def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     """Read the study's measurements, or other files by the same settings, as one measurement in their order."""
     if isinstance(data, Measurement):
         return data
-    return read_study_measurement(opened.bench, opened.study, data)
+    return read_study_measurement(opened.context, opened.study, data)
 
 
 def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
     """Return the study's model, driven by the measured histories."""
-    return Predictor.from_study(opened.bench, opened.study, read_measurement(opened, data))
+    return Predictor.from_study(opened.context, opened.study, read_measurement(opened, data))
 
 
 def compare(opened: OpenStudy, data: Data = None) -> Comparison:
@@ -261,7 +261,7 @@ def compare_counts(
 ) -> CountComparison:
     """Compare the study's task with a file of successes and trials: `pliant compare` on counts."""
     counted = counted_study(opened.study, None if data is None else Path(data))
-    return compare_counted(opened.bench, counted, opened.study.resolve_workers(workers, 1))
+    return compare_counted(opened.context, counted, opened.study.resolve_workers(workers, 1))
 
 
 def diagnose(
@@ -275,13 +275,13 @@ def diagnose(
 
 
 def _warn_left_out(opened: OpenStudy) -> None:
-    for failure in left_out(opened.bench.registry, ("effect",)):
+    for failure in left_out(opened.context.registry, ("effect",)):
         warnings.warn(f"left out: {failure.sentence}", stacklevel=3)
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
     """Fit effects in addition to the study's own, with their uncertainty: `pliant extend`."""
-    ground = Ground.from_study(opened.bench, opened.study, read_measurement(opened, data))
+    ground = Ground.from_study(opened.context, opened.study, read_measurement(opened, data))
     return extend_with(ground, opened.study.effects, kinds)
 
 
@@ -298,7 +298,7 @@ def improve(
     _warn_left_out(opened)
     measurement = read_measurement(opened, data)
     return improve_with(
-        opened.bench,
+        opened.context,
         opened.study,
         measurement,
         kinds=kinds,
@@ -321,7 +321,7 @@ def calibrate(
         A `pliant_calibrate.result.Calibration`.
     """
     function = package_function("calibrate", CALIBRATE)
-    return function(opened.bench, opened.study, Path(data), test, fit)
+    return function(opened.context, opened.study, Path(data), test, fit)
 
 
 def fit_stated_law(opened: OpenStudy, data: Data = None, *, held: Sequence[str] = ()) -> Any:
@@ -331,4 +331,4 @@ def fit_stated_law(opened: OpenStudy, data: Data = None, *, held: Sequence[str] 
         A `pliant_calibrate.stated_law_fit.LawOfRuns`.
     """
     function = package_function("fit_stated_law", CALIBRATE)
-    return function(opened.bench, opened.study, read_measurement(opened, data), held=held)
+    return function(opened.context, opened.study, read_measurement(opened, data), held=held)

@@ -74,19 +74,21 @@ def compare(
     scheduler: Scheduler = None,
 ) -> None:
     """Compare the model with measurements: errors, noise floor, where it fails."""
-    loaded, bench = here.study(study, overrides), here.bench()
+    loaded, context = here.study(study, overrides), here.context()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
     if (counted := _counted(here, loaded, data)) is not None:
         check_writable(folder)
-        here.show(counts_document(loaded.name, counted.counts, compare_counted(bench, counted, who)), folder)
+        here.show(
+            counts_document(loaded.name, counted.counts, compare_counted(context, counted, who)), folder
+        )
         return
-    measurement = read_session_measurement(here, bench, loaded, data)
-    predictor = Predictor.from_study(bench, loaded, measurement)
+    measurement = read_session_measurement(here, context, loaded, data)
+    predictor = Predictor.from_study(context, loaded, measurement)
     check_writable(folder)
     predicted, comparison = compare_model(predictor)
     here.measured(loaded, measurement)
-    bands, remark = study_bands(bench, loaded, measurement)
+    bands, remark = study_bands(context, loaded, measurement)
     here.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
 
 
@@ -107,28 +109,28 @@ def diagnose(
     """Diagnose which physical effect is missing, how sure that is, and what to measure next."""
     loaded = here.study(study, overrides)
     here.leave_out_broken_effects()
-    bench = here.bench()
+    context = here.context()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
     if (counted := _counted(here, loaded, data)) is not None:
         ranges = loaded.measurements.plausible if loaded.measurements else ()
-        parameters = [*effect_parameters(bench.registry, effect), *task_parameters(counted, ranges)]
+        parameters = [*effect_parameters(context.registry, effect), *task_parameters(counted, ranges)]
         if not parameters:
             raise UserError(
                 "nothing to try: no effect has a strength, and 'measurements.plausible' names no number."
             )
         check_writable(folder)
-        evidence = count_evidence(bench, counted, [(parameter,) for parameter in parameters], who)
+        evidence = count_evidence(context, counted, [(parameter,) for parameter in parameters], who)
         judged = judge_counts(evidence)
-        document = counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry)
+        document = counts_diagnosis_document(name, counted.counts, evidence, judged, context.registry)
         here.show(document, folder if page else None)
         return
     kinds = candidate_kinds(here.registry, effect or None)
-    measurement = read_session_measurement(here, bench, loaded, data)
+    measurement = read_session_measurement(here, context, loaded, data)
     check_writable(folder)
 
     def answer() -> tuple[Document, dict[str, str]]:
-        predictor = Predictor.from_study(bench, loaded, measurement)
+        predictor = Predictor.from_study(context, loaded, measurement)
         own = own_runs(loaded, predictor.chain, measurement)
         with fitting_bar(here.progress, len(kinds)) as bar:
             found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
@@ -144,7 +146,7 @@ def diagnose(
     # The file of the next run names the study, the data and the folder by their paths.
     paths = [str(path) for path in (Path.cwd(), study, folder, *(data or ()))]
     options = {"kinds": kinds, "asked": effect or [], "paths": paths, "page": page}
-    stored = stored_answer(Question(bench, loaded, measurement, options, MODULES), answer, page)
+    stored = stored_answer(Question(context, loaded, measurement, options, MODULES), answer, page)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     for file, text in stored.files.items():
         write_atomically(folder / file, text)
@@ -153,10 +155,10 @@ def diagnose(
 
 
 def read_session_measurement(
-    here: Session, bench: RunContext, study: Study, data: Sequence[Path] | None
+    here: Session, context: RunContext, study: Study, data: Sequence[Path] | None
 ) -> Measurement:
     """Return the study's measurement, or that of `data`; from here on quantities are shown in its file's units."""
-    measurement = read_study_measurement(bench, study, data)
+    measurement = read_study_measurement(context, study, data)
     here.until_end.enter_context(displayed_in(units_as_written(measurement)))
     return measurement
 

@@ -48,9 +48,9 @@ def extend(
     kinds = _kinds(here, loaded, effect, refit)
     target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
     check_target(study, target, force)
-    bench = here.bench()
-    measurement = read_session_measurement(here, bench, loaded, data)
-    ground = Ground.from_study(bench, loaded, measurement)
+    context = here.context()
+    measurement = read_session_measurement(here, context, loaded, data)
+    ground = Ground.from_study(context, loaded, measurement)
     found = extend_with(ground, loaded.effects, kinds)
     here.measured(loaded, measurement)
     here.result["out"] = None

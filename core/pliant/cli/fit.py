@@ -112,13 +112,13 @@ def _fit_study(here: Session, loaded: Study, out: Path | None, learning: bool) -
     """Fit the law of each distinct design of a study; with `out` write the page of the fit."""
     if out is not None:
         check_writable(out)
-    bench = here.bench()
-    designs = build_study_laws(bench, loaded)
+    context = here.context()
+    designs = build_study_laws(context, loaded)
     shown = [d for d in designs if out is not None or d.law.report is not None]
-    fitted = fitted_designs(bench, shown, learning and out is not None)
+    fitted = fitted_designs(context, shown, learning and out is not None)
     inputs = loaded.canonical()
     document = laws_document(loaded.name, designs, fitted, inputs)
-    here.show(document, out, stored_fit_page(bench, document, fitted, inputs))
+    here.show(document, out, stored_fit_page(context, document, fitted, inputs))
 
 
 def fit_meta(
@@ -138,15 +138,15 @@ def fit_meta(
     folder = out or Path("runs") / study.name
     if count is not None or out is not None:
         check_writable(folder)
-    bench = here.bench()
-    stage = meta_model_stage(bench, study)
-    beside = _beside(here, bench, study, stage) if compare else []
-    found = designs_to_solve(bench, study, stage, count) if count is not None else []
-    curve = design_learning_stage(bench, stage) if learning and out is not None else None
+    context = here.context()
+    stage = meta_model_stage(context, study)
+    beside = _beside(here, context, study, stage) if compare else []
+    found = designs_to_solve(context, study, stage, count) if count is not None else []
+    curve = design_learning_stage(context, stage) if learning and out is not None else None
     inputs: Any = study.canonical()
     fitted = [MetaFitted(stage, curve, found), *map(MetaFitted, beside)]
     document = meta_document(study.name, fitted, inputs)
-    here.show(document, out, stored_meta_page(bench, document, fitted, inputs))
+    here.show(document, out, stored_meta_page(context, document, fitted, inputs))
     if found:
         table = folder / TABLE
         write_proposals(found, table)
@@ -154,13 +154,13 @@ def fit_meta(
         here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
 
 
-def _beside(here: Session, bench: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
+def _beside(here: Session, context: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
     """Fit the published form, a network from parameters to the law's coefficients, to the same designs."""
     try:
         config = (
-            bench.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
+            context.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
         )
-        other = meta_model_stage(bench, study.model_copy(update={"meta_model": config}), stage.solved)
+        other = meta_model_stage(context, study.model_copy(update={"meta_model": config}), stage.solved)
     except (UserError, MissingDependencyError) as error:
         here.say(f"beside   {STUDYS_WAY['kind']}: {error}")
         here.result["compared"] = {STUDYS_WAY["kind"]: {"problem": str(error)}}
@@ -183,9 +183,9 @@ def fit_table(
     if out is not None:
         _check_free(source, kind, out)
         check_writable(out)
-    bench = here.bench()
+    context = here.context()
     try:
-        stages, own = _fitted(bench, source, kind, learning and out is not None)
+        stages, own = _fitted(context, source, kind, learning and out is not None)
     except UserError:
         if out is not None and not any(out.iterdir()):
             out.rmdir()
@@ -196,7 +196,7 @@ def fit_table(
     for other in here.registry.kinds("surrogate") if compare else ():
         try:
             with blamed_on(here.registry.get("surrogate", other), "fit"):
-                fitted += [_fitted(bench, source, other, False)[1]] if other != kind else []
+                fitted += [_fitted(context, source, other, False)[1]] if other != kind else []
         except (UserError, MissingDependencyError) as error:
             problems[other] = str(error)
     document = table_document(source, stages, fitted, problems)
@@ -205,13 +205,13 @@ def fit_table(
         return
     here.result.update(document.data)
     document = replace(document, brief=(*document.brief, _write_study(here, source, kind, own.law, out)))
-    here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
+    here.show(document, out, stored_fit_page(context, document, fitted[:1], {}, fitted))
 
 
-def _fitted(bench: RunContext, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
-    stages = law_from_table(bench, source, kind)
+def _fitted(context: RunContext, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
+    stages = law_from_table(context, source, kind)
     config: Any = stages.design.surrogate
-    return stages, fitted_law(bench, kind, config, stages.law, learning=learning, source=source.name)
+    return stages, fitted_law(context, kind, config, stages.law, learning=learning, source=source.name)
 
 
 def _check_free(source: Path, kind: str, out: Path) -> None:

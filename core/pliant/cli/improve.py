@@ -71,12 +71,12 @@ def improve(
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
-    bench = here.bench()
-    measurement = read_session_measurement(here, bench, loaded, data)
+    context = here.context()
+    measurement = read_session_measurement(here, context, loaded, data)
     check_writable(folder)
     with fitting_bar(here.progress, len(kinds)) as bar:
         found = improve_with(
-            bench,
+            context,
             loaded,
             measurement,
             kinds=kinds,

@@ -73,20 +73,20 @@ def plan(
         raise UserError(f"--minutes is {minutes:g}; it should be above 0.")
     folder = out or Path("runs") / f"{loaded.name}-plan"
     check_writable(folder)
-    bench, most = here.bench(), np.inf if minutes is None else minutes
+    context, most = here.context(), np.inf if minutes is None else minutes
     kinds = candidate_kinds(here.registry, effect or None)
     here.result |= {"study": loaded.name, "out": str(folder)}
     if data or loaded.measurements is not None:
-        measurement = read_session_measurement(here, bench, loaded, data)
+        measurement = read_session_measurement(here, context, loaded, data)
         found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most, who)
         planned = [(f"{k}_{one.name}", one.planned) for k, one in enumerate(chosen, 1) if one.planned]
         files = write_runs(folder, _named(planned), measurement.outputs, study, loaded, measurement, data)
         here.show(plan_document(loaded.name, measurement, found, chosen, files, here.registry, remark))
         return
-    chain = build_study_chain(bench, loaded).chain
+    chain = build_study_chain(context, loaded).chain
     menu = planned_runs(loaded.protocols, BenchScale.from_chain(chain, task_actuation(loaded)))
     outputs = ("elongation_strain",) if chain.laws[0].joint == "prismatic" else ("angle_rad",)
-    predictor = Predictor.from_study(bench, loaded, unread(menu, outputs))
+    predictor = Predictor.from_study(context, loaded, unread(menu, outputs))
     fewest = design_runs(predictor, menu, kinds, most_runs=runs, minutes=most)
     named = _named([(f"{n}_{menu[k].name}", menu[k]) for n, k in enumerate(fewest.chosen, 1)])
     files = write_runs(folder, named, outputs, study, loaded)
@@ -108,7 +108,7 @@ def _after(
     who: int | str | None,
 ) -> tuple[Diagnosis, tuple[NextRun, ...], str]:
     """Return a diagnosis, runs that distinguish the remaining hypotheses, and a sentence if none does."""
-    predictor = Predictor.from_study(here.bench(), loaded, measurement)
+    predictor = Predictor.from_study(here.context(), loaded, measurement)
     own = own_runs(loaded, predictor.chain, measurement)
     shortest = min(run.minutes for run in candidate_runs(predictor, own))
     if minutes < shortest:

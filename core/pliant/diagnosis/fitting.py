@@ -83,7 +83,7 @@ class Fitter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the state for a worker: without cached points, and with the files of the user's own effects."""
-        files = effect_files(self.predictor.bench.registry)
+        files = effect_files(self.predictor.context.registry)
         model = pickle.dumps((self.predictor, self.readings, self.weights, self.law))
         return _arrived, (files, self.code, model)
 
@@ -112,7 +112,7 @@ class Fitter:
 
     def checked(self) -> None:
         """Make workers that receive the fitter from now on compare their code with ours."""
-        registry, backend = self.predictor.bench.registry, self.predictor.backend
+        registry, backend = self.predictor.context.registry, self.predictor.backend
         effects = (one.implementation for one in registry.components if one.interface == "effect")
         modules = {__name__, type(backend).__module__, *(place.partition(":")[0] for place in effects)}
         shipped = tuple(sorted(name for name in modules if not name.startswith(FILE_MODULE)))

@@ -119,8 +119,8 @@ class StudyHandle:
         (6, 3)
         """
         overrides = [*self._overrides, *as_overrides(self.config, {**(changes or {}), **named})]
-        bench = self.opened.bench
-        opened = api.open_study(self.path, overrides, store=bench.store.root, progress=bench.progress)
+        context = self.opened.context
+        opened = api.open_study(self.path, overrides, store=context.store.root, progress=context.progress)
         return type(self)._from_opened(self.path, overrides, opened)
 
     def to_yaml(self, path: str | Path) -> Path:
@@ -154,8 +154,8 @@ class StudyHandle:
         >>> len(pliant.open(examples / "first_finger/finger.yaml", store=store, fem=coarse).fem().to_frame()) > 4
         True
         """
-        check_families(self.opened.bench, self.config)
-        artifacts = solve_study_fem(self.opened.bench, self.config)
+        check_families(self.opened.context, self.config)
+        artifacts = solve_study_fem(self.opened.context, self.config)
 
         def document() -> Document:
             return fem_document(self.config, artifacts, [""] * len(artifacts))
@@ -170,12 +170,12 @@ class StudyHandle:
         >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.joint
         'revolute'
         """
-        bench = self.opened.bench
+        context = self.opened.context
         stages = api.laws(self.opened)
 
         def document() -> Document:
             own = [stage for stage in stages if stage.law.report is not None]
-            fitted = fitted_designs(bench, own, learning=False)
+            fitted = fitted_designs(context, own, learning=False)
             return laws_document(self.name, stages, fitted, self.config.canonical())
 
         found = Fitted(stages, document, ("fit_law", 0), frames.laws)
@@ -197,7 +197,7 @@ class StudyHandle:
         >>> finger.with_(cross_check=["mujoco"]).run().to_frame()["engine"].unique().tolist()
         ['quasistatic', 'mujoco']
         """
-        done = simulate_study(self.opened.bench, self.config)
+        done = simulate_study(self.opened.context, self.config)
         return Simulated(done, lambda: simulation_document(done), ("chain_pose", 0), frames.markers)
 
     def compare(self, data: Data = None) -> Result[Any]:
@@ -217,7 +217,7 @@ class StudyHandle:
 
         def document() -> Document:
             with displayed_in(units_as_written(model.measurement)):
-                bands = study_bands(self.opened.bench, self.config, model.measurement)
+                bands = study_bands(self.opened.context, self.config, model.measurement)
                 return comparison_document(self.name, model.measurement, predicted, found, *bands)
 
         return Result(
@@ -236,7 +236,7 @@ class StudyHandle:
         'missing_effect'
         """
         measurement = api.read_measurement(self.opened, _recorded(data))
-        registry = self.opened.bench.registry
+        registry = self.opened.context.registry
         with displayed_in(units_as_written(measurement)):
             found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
 
@@ -264,7 +264,7 @@ class StudyHandle:
 
         def document() -> Document:
             with displayed_in(units_as_written(measurement)):
-                return extension_document(self.name, measurement, found, self.opened.bench.registry)
+                return extension_document(self.name, measurement, found, self.opened.context.registry)
 
         if out is not None and not found.absent:
             self._write(Path(out), found, files, extension_origin(found, measurement), {})
@@ -295,7 +295,7 @@ class StudyHandle:
         """
         files = [] if out is None else _data_files(data)
         measurement = api.read_measurement(self.opened, _recorded(data))
-        registry = self.opened.bench.registry
+        registry = self.opened.context.registry
         with displayed_in(units_as_written(measurement)):
             found = api.improve(
                 self.opened,
@@ -435,11 +435,11 @@ def fit(
     """
     if isinstance(table, Solved):
         return table.study.with_(surrogate={"kind": surrogate, **settings}).fit()
-    bench = api.workbench(store)
+    context = api.workbench(store)
     source = Path(table) if isinstance(table, str | Path) else _kept(table, Path(store))
-    stages = law_from_table(bench, source, surrogate, settings)
+    stages = law_from_table(context, source, surrogate, settings)
     config: Any = stages.design.surrogate
-    fitted = fitted_law(bench, surrogate, config, stages.law, learning=False, source=source.name)
+    fitted = fitted_law(context, surrogate, config, stages.law, learning=False, source=source.name)
     return Fitted(
         (stages,), lambda: table_document(source, stages, [fitted], {}), ("fit_law", 0), frames.laws
     )

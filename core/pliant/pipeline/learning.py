@@ -36,28 +36,28 @@ WITH, WITHOUT = "with slopes", "without slopes"
 
 
 def learning_stage(
-    bench: RunContext, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
+    context: RunContext, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
 ) -> Artifact:
     """Return the learning curve through the store; `inputs` key the data. The value is the dict of `learning_curve`."""
-    surrogate: Surrogate = bench.build("surrogate", config)
-    return bench.make(
+    surrogate: Surrogate = context.build("surrogate", config)
+    return context.make(
         "learning",
-        lambda partial: learning_curve(surrogate, data, orders, bench.progress, partial / "points.json"),
-        components=[bench.component("surrogate", config)],
+        lambda partial: learning_curve(surrogate, data, orders, context.progress, partial / "points.json"),
+        components=[context.component("surrogate", config)],
         modules=["pliant.pipeline.learning"],
         config={"surrogate": without_tables(content(config)), "orders": orders},
         inputs=inputs,
     )
 
 
-def design_learning_stage(bench: RunContext, stage: MetaModelStage) -> Artifact:
+def design_learning_stage(context: RunContext, stage: MetaModelStage) -> Artifact:
     """Return the learning curve of a meta-model's kind through the store; the value is that of `design_learning`."""
-    model: MetaModel = bench.build("meta_model", stage.config)
+    model: MetaModel = context.build("meta_model", stage.config)
     settings = {name: value for name, value in content(stage.config).items() if name not in NOT_FITTED}
-    return bench.make(
+    return context.make(
         "learning",
-        lambda partial: design_learning(model, stage.designs, bench.progress, partial / "points.json"),
-        components=[bench.component("meta_model", stage.config)],
+        lambda partial: design_learning(model, stage.designs, context.progress, partial / "points.json"),
+        components=[context.component("meta_model", stage.config)],
         modules=["pliant.pipeline.learning"],
         config={"meta_model": settings, "family": stage.designs.family, "names": list(stage.designs.names)},
         inputs=stage.solved.inputs,
