@@ -23,11 +23,16 @@ from pydantic import ValidationError
 from pliant.config.loading import load_study
 from pliant.config.problems import sentences
 from pliant.config.study import Study, varied
+from pliant.diagnosis.candidates import candidate_kinds
+from pliant.diagnosis.data_split import TrainTestSplit
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.planning import FirstRuns, RunPlan, check_budget, plan_after
+from pliant.diagnosis.planning import plan_first_runs as first_runs
+from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
@@ -265,13 +270,51 @@ def compare_counts(
 
 
 def diagnose(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = None
+    opened: OpenStudy,
+    data: Data = None,
+    *,
+    kinds: Sequence[str] | None = None,
+    tick: Tick | None = None,
+    workers: Workers = None,
 ) -> Diagnosis:
-    """Diagnose which physical effect is missing: `pliant diagnose`."""
+    """Diagnose which physical effect is missing: `pliant diagnose`; `tick` is called after each fitted hypothesis."""
     _warn_left_out(opened)
     model = predictor(opened, data)
     own = own_runs(opened.study, model.chain, model.measurement)
-    return diagnose_with(model, kinds=kinds, runs=own, workers=opened.study.resolve_workers(workers, 1))
+    who = opened.study.resolve_workers(workers, 1)
+    return diagnose_with(model, kinds=kinds, runs=own, tick=tick, workers=who)
+
+
+def plan(
+    opened: OpenStudy,
+    data: Data = None,
+    *,
+    kinds: Sequence[str] | None = None,
+    runs: int | None = None,
+    minutes: float | None = None,
+    tick: Tick | None = None,
+    workers: Workers = None,
+) -> RunPlan:
+    """Diagnose a recording and choose the runs that decide between the remaining explanations: `pliant plan`."""
+    _warn_left_out(opened)
+    check_budget(runs, minutes)
+    model, who = predictor(opened, data), opened.study.resolve_workers(workers, 1)
+    kinds = candidate_kinds(opened.context.registry, kinds)
+    return plan_after(model, opened.study, kinds, runs=runs, minutes=minutes, tick=tick, workers=who)
+
+
+def plan_first_runs(
+    opened: OpenStudy,
+    *,
+    kinds: Sequence[str] | None = None,
+    runs: int | None = None,
+    minutes: float | None = None,
+) -> FirstRuns:
+    """Choose the fewest runs that distinguish the effects, before any measurement: `pliant plan` without data."""
+    _warn_left_out(opened)
+    check_budget(runs, minutes)
+    kinds = candidate_kinds(opened.context.registry, kinds)
+    return first_runs(opened.context, opened.study, kinds, runs=runs, minutes=minutes)
 
 
 def _warn_left_out(opened: OpenStudy) -> None:
@@ -292,9 +335,21 @@ def improve(
     kinds: Sequence[str] | None = None,
     learned: bool = False,
     named_only: bool = False,
+    tick: Tick | None = None,
     workers: Workers = None,
+    split: TrainTestSplit | None = None,
 ) -> Improvement:
-    """Run the whole loop with held-out runs: `pliant improve`; `learned` allows a learned term as its last step."""
+    """Run the whole loop with held-out runs: `pliant improve`.
+
+    Args:
+        opened, data: the model and the recording.
+        kinds: candidates; all effects by default.
+        learned: whether a learned term may be the last step.
+        named_only: add only effects that a verdict names.
+        tick: called with the name of each hypothesis when it has been fitted.
+        workers: where hypotheses are fitted.
+        split: the held-out runs, if they were chosen before.
+    """
     _warn_left_out(opened)
     measurement = read_measurement(opened, data)
     return improve_with(
@@ -304,6 +359,8 @@ def improve(
         kinds=kinds,
         learned=learned,
         named_only=named_only,
+        tick=tick,
+        split=split,
         workers=opened.study.resolve_workers(workers, 1),
     )
 

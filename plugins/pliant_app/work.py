@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant import api
 from pliant.config.study import Study
 from pliant.config.writing import StudyDraft, study_name_from_path
 from pliant.diagnosis.candidates import candidate_kinds
@@ -17,7 +18,6 @@ from pliant.diagnosis.diagnosis import Diagnosis, next_words
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.evidence_table import sorted_kinds
 from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
-from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import described
 from pliant.diagnosis.steps import Improvement
@@ -192,10 +192,8 @@ def improve(task: ModelWork, folder: SessionFolder, key: str, learned: bool = Fa
     """
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
-    who = study.resolve_workers(None, 1)
-    found = improve_with(
-        model.context, study, model.read, learned=learned, tick=task.tick, workers=who, split=model.split
-    )
+    opened = api.OpenStudy(study, model.context)
+    found = api.improve(opened, model.read, learned=learned, tick=task.tick, split=model.split)
     file = ""
     if found.final is not None or found.learned is not None:
         file = _study_name(model, ["improved"], key)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from pliant import api
 from pliant.cli.bars import fitting_bar
 from pliant.cli.options import (
     Fitters,
@@ -25,18 +26,14 @@ from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.counts_evidence import count_evidence
 from pliant.diagnosis.counts_parameters import effect_parameters, task_parameters
 from pliant.diagnosis.counts_verdict import judge_counts
-from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
 from pliant.evidence.compared import compare_model
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
-from pliant.evidence.prediction import Predictor, read_study_measurement
-from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import displayed_in, listed
 from pliant.measurements.files import expand_sources
 from pliant.measurements.written_units import units_as_written
-from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_document
 from pliant.report.count_hypotheses import counts_diagnosis_document
@@ -74,21 +71,21 @@ def compare(
     scheduler: Scheduler = None,
 ) -> None:
     """Compare the model with measurements: errors, noise floor, where it fails."""
-    loaded, context = here.study(study, overrides), here.context()
+    loaded = here.study(study, overrides)
+    opened = api.OpenStudy(loaded, here.context())
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
     if (counted := _counted(here, loaded, data)) is not None:
         check_writable(folder)
-        here.show(
-            counts_document(loaded.name, counted.counts, compare_counted(context, counted, who)), folder
-        )
+        found = compare_counted(opened.context, counted, who)
+        here.show(counts_document(loaded.name, counted.counts, found), folder)
         return
-    measurement = read_session_measurement(here, context, loaded, data)
-    predictor = Predictor.from_study(context, loaded, measurement)
+    measurement = read_session_measurement(here, opened, data)
+    predictor = api.predictor(opened, measurement)
     check_writable(folder)
     predicted, comparison = compare_model(predictor)
     here.measured(loaded, measurement)
-    bands, remark = study_bands(context, loaded, measurement)
+    bands, remark = study_bands(opened.context, loaded, measurement)
     here.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
 
 
@@ -109,7 +106,8 @@ def diagnose(
     """Diagnose which physical effect is missing, how sure that is, and what to measure next."""
     loaded = here.study(study, overrides)
     here.leave_out_broken_effects()
-    context = here.context()
+    opened = api.OpenStudy(loaded, here.context())
+    context = opened.context
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
     if (counted := _counted(here, loaded, data)) is not None:
@@ -126,14 +124,12 @@ def diagnose(
         here.show(document, folder if page else None)
         return
     kinds = candidate_kinds(here.registry, effect or None)
-    measurement = read_session_measurement(here, context, loaded, data)
+    measurement = read_session_measurement(here, opened, data)
     check_writable(folder)
 
     def answer() -> tuple[Document, dict[str, str]]:
-        predictor = Predictor.from_study(context, loaded, measurement)
-        own = own_runs(loaded, predictor.chain, measurement)
         with fitting_bar(here.progress, len(kinds)) as bar:
-            found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
+            found = api.diagnose(opened, measurement, kinds=kinds, tick=bar.tick, workers=who)
         planned = found.next_run.planned if found.next_run is not None else None
         runs = [(NEXT_RUN, planned)] if planned is not None else []
         files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
@@ -155,10 +151,10 @@ def diagnose(
 
 
 def read_session_measurement(
-    here: Session, context: RunContext, study: Study, data: Sequence[Path] | None
+    here: Session, opened: api.OpenStudy, data: Sequence[Path] | None
 ) -> Measurement:
     """Return the study's measurement, or that of `data`; from here on quantities are shown in its file's units."""
-    measurement = read_study_measurement(context, study, data)
+    measurement = api.read_measurement(opened, data)
     here.until_end.enter_context(displayed_in(units_as_written(measurement)))
     return measurement
 

@@ -67,6 +67,7 @@ class Extension:
         posterior: of the fitted parameters, about `values`.
         scatter: of single readings about the model, by output.
         exploration: of the posterior by draws; None for a fit without profile intervals.
+        remarks: limits of the model, in sentences.
     """
 
     kinds: tuple[str, ...]
@@ -84,6 +85,7 @@ class Extension:
     posterior: Posterior
     scatter: Mapping[str, ReadingScatter]
     exploration: Exploration | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def heldout(self) -> Score | None:
@@ -202,6 +204,7 @@ def extend(
         posterior=posterior.about(values),
         scatter=reading_scatter(noise, after, len(fit.x)),
         exploration=explore(fitter, posterior, scale, fit.parts, law=fit.law) if profiles else None,
+        remarks=tuple(ground.predictor.remarks),
     )
 
 

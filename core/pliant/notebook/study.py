@@ -38,6 +38,7 @@ from pliant.report.fem import fem_document
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_document
 from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
+from pliant.report.plan import design_document, plan_document
 from pliant.report.run import simulation_document
 from pliant.store.store import write_atomically
 
@@ -245,6 +246,43 @@ class StudyHandle:
                 return diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
 
         return Result(found, document, ("hypotheses", 0), frames.hypotheses)
+
+    def plan(
+        self,
+        data: Data = None,
+        *,
+        effects: Sequence[str] | None = None,
+        runs: int | None = None,
+        minutes: float | None = None,
+        workers: Workers = None,
+    ) -> Result[Any]:
+        """Choose the next runs: `pliant plan`. The record is a `RunPlan`, without measurements a `FirstRuns`.
+
+        Args:
+            data: see `compare`.
+            effects: candidates; all by default.
+            runs: number of runs at most.
+            minutes: bench time at most.
+            workers: processes that fit hypotheses; by default the study's, or this one.
+
+        >>> joint.plan(effects=["viscoelastic", "stiffness"]).json["verdict"]
+        'missing_effect'
+        """
+        registry = self.opened.context.registry
+        if data is None and self.config.measurements is None:
+            first = api.plan_first_runs(self.opened, kinds=effects, runs=runs, minutes=minutes)
+            return Result(first, lambda: design_document(self.name, first.design, (), registry), ("runs", 0))
+        measurement = api.read_measurement(self.opened, _recorded(data))
+        with displayed_in(units_as_written(measurement)):
+            found = api.plan(
+                self.opened, measurement, kinds=effects, runs=runs, minutes=minutes, workers=workers
+            )
+
+        def document() -> Document:
+            with displayed_in(units_as_written(measurement)):
+                return plan_document(self.name, measurement, found, (), registry)
+
+        return Result(found, document, ("runs", 0))
 
     def extend(self, *effects: str, data: Data = None, out: str | Path | None = None) -> Result[Any]:
         """Fit effects in addition to the study's own: `pliant extend`. The record is an `Extension`.

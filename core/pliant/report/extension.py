@@ -20,10 +20,10 @@ from pliant.report.posterior import fitted_posterior_json, posterior_words, shar
 
 
 def extension_document(
-    title: str, measurement: Measurement, found: Extension, registry: Registry, remarks: tuple[str, ...] = ()
+    title: str, measurement: Measurement, found: Extension, registry: Registry
 ) -> Document:
-    """Return the document of `pliant extend`; `remarks` are limits of the model, in sentences."""
-    notes = [*measurement.remarks, *remarks]
+    """Return the document of `pliant extend`."""
+    notes = [*measurement.remarks, *found.remarks]
     doubts = doubtful(found.uncertainty)
     n, k = found.after.n, len(found.fit.x)
     if n <= k:
