@@ -18,7 +18,7 @@ import numpy as np
 from tests.app.conftest import STUDY
 from tests.app.page_user import READY, PageUser, opened
 
-from pliant_app.desk import SessionController
+from pliant_app.controller import SessionController
 from pliant_app.folder import SessionFolder
 
 READINGS, MOVES = 3000, 60
@@ -48,12 +48,14 @@ def main() -> None:
             (folder / "bend.yaml").write_text(
                 STUDY.replace("modules: 1, module_length: 80 mm, module_mass: 40 g", length)
             )
-            desk = SessionController(SessionFolder(folder / "session"), folder / "store")
-            desk.begin(folder / "bend.yaml", [])
+            controller = SessionController(SessionFolder(folder / "session"), folder / "store")
+            controller.begin(folder / "bend.yaml", [])
             for kind in ("actuation_gain", "viscoelastic"):
-                begun = next(one["begun"] for one in desk.view()["model"]["catalogue"] if one["kind"] == kind)
-                desk.step((begun,), [], kind)
-                found[f"{name}, {kind}"] = _timed(desk, folder, begun)
+                begun = next(
+                    one["begun"] for one in controller.view()["model"]["catalogue"] if one["kind"] == kind
+                )
+                controller.step((begun,), [], kind)
+                found[f"{name}, {kind}"] = _timed(controller, folder, begun)
     shown = {"mb": DROPPED_MB, "first_screen_s": first_screen()}
     print(json.dumps({"load": os.getloadavg()[0], "ms": found, **shown}, indent=1))
 
@@ -72,14 +74,14 @@ def first_screen() -> list[float]:
     return seconds
 
 
-def _timed(desk: SessionController, folder: Path, begun: dict[str, float]) -> dict[str, float]:
+def _timed(controller: SessionController, folder: Path, begun: dict[str, float]) -> dict[str, float]:
     strength = next(key for key in begun if key != "kind")
     values = [{**begun, strength: begun[strength] * (1.0 + 0.002 * k)} for k in range(MOVES)]
-    parts = desk.preview((begun,))["parts"]
+    parts = controller.preview((begun,))["parts"]
     wall, cpu = [], []
     for one in values:
         at, busy = time.perf_counter(), time.process_time()
-        desk.preview((one,), parts)
+        controller.preview((one,), parts)
         wall.append(1e3 * (time.perf_counter() - at))
         cpu.append(1e3 * (time.process_time() - busy))
     with opened(folder / "session", folder / "store", READY) as (page, _):

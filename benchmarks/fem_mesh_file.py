@@ -163,11 +163,11 @@ def design_seconds(
     path: Path, folder: Path, mu_pa: float = MU, pressure_pa: float = 15e3
 ) -> dict[str, float]:
     """Return wall and processor time of the FEM stage of one design of one material; print them too."""
-    bench = RunContext(discover(), ArtifactStore(folder / "store"))
+    context = RunContext(discover(), ArtifactStore(folder / "store"))
     family = from_file(path, "mm").config
     wall, processor = time.perf_counter(), time.process_time()
     made = fem_stage(
-        bench, family, NeoHookeanConfig(shear_modulus_pa=mu_pa), SkfemConfig(pressure_max_pa=pressure_pa)
+        context, family, NeoHookeanConfig(shear_modulus_pa=mu_pa), SkfemConfig(pressure_max_pa=pressure_pa)
     )
     design = {
         "processor_s": time.process_time() - processor,

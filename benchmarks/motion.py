@@ -281,7 +281,7 @@ def seen_angle(opened: api.OpenStudy, rollout: Rollout) -> Array:
     """Return (t,) readings of the motion's angle by the sensors of the study's effects."""
     model = Model(api.predictor(opened).chain)
     for effect in opened.study.effects:
-        model = opened.bench.build("effect", effect).apply(model)
+        model = opened.context.build("effect", effect).apply(model)
     true = rollout.joint_angles.sum(axis=(1, 2))
     said = {"angle_rad": true, "time_s": rollout.time_s, "actuation": rollout.actuation.sum(axis=1)}
     return np.asarray(model.reported(said)["angle_rad"])

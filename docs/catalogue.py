@@ -47,8 +47,8 @@ def catalogue(components: Sequence[Component]) -> str:
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
     rows = [
-        f"| {_link(c.kind)} | {_place(e)} | {c.summary}{_origin(e)} | {_sentence(e.notes.on_the_bench)} "
-        f"| {_link(e.notes.look_alike)} | {_runs(e)} |"
+        f"| {_link(c.kind)} | {_place(e)} | {c.summary}{_origin(e)} | {_sentence(e.notes.inspection)} "
+        f"| {_link(e.notes.confounder)} | {_runs(e)} |"
         for c, e in effects
     ]
     head = (
@@ -75,9 +75,9 @@ def facts(component: Component) -> list[str]:
         return [
             "Its numbers are data that are learned as a whole: it acts where they say, and no diagnosis tries it.",
             f"**What gives it away:** {_sentence(notes.signature)}",
-            f"**On the bench:** {_sentence(notes.on_the_bench)}",
-            f"**Told apart:** {_sentence(notes.told_apart)}",
-            f"**To see it:** {_sentence(notes.excited_by)}",
+            f"**On the bench:** {_sentence(notes.inspection)}",
+            f"**Told apart:** {_sentence(notes.distinguishing_test)}",
+            f"**To see it:** {_sentence(notes.excitation)}",
             *where,
         ]
     mistake = (
@@ -88,9 +88,9 @@ def facts(component: Component) -> list[str]:
         *([mistake] if notes.origin == "bench" else []),
         "\n".join([HEAD, *rows]),
         f"**What gives it away:** {_sentence(notes.signature)}",
-        f"**On the bench:** {_sentence(notes.on_the_bench)}",
-        f"**Easily taken for** {_link(notes.look_alike, '')}: {notes.told_apart}",
-        f"**To see it:** {_sentence(notes.excited_by)} "
+        f"**On the bench:** {_sentence(notes.inspection)}",
+        f"**Easily taken for** {_link(notes.confounder, '')}: {notes.distinguishing_test}",
+        f"**To see it:** {_sentence(notes.excitation)} "
         f"Runs of the [menu](../effects.md#runs-of-the-menu): {_runs(effect)}.",
         *where,
     ]
@@ -101,14 +101,14 @@ def _menu(effects: Sequence[tuple[Component, type[Effect]]]) -> list[str]:
     runs = timed_catalogue(BenchScale.from_chain(sample_chain(payload=0.01), PRESSURE_PA))
     rows = [
         f"| `{run.name}` | {run.words} | {run.needs or 'nothing more'} | "
-        f"{', '.join(_link(c.kind) for c, e in effects if run.name in e.exciting)} |"
+        f"{', '.join(_link(c.kind) for c, e in effects if run.name in e.recommended_experiments)} |"
         for run in runs
     ]
     return [MENU, "\n".join(["| run | what to do | what it needs | shows |", "|---|---|---|---|", *rows])]
 
 
 def _runs(effect: type[Effect]) -> str:
-    return ", ".join(f"`{name}`" for name in effect.exciting)
+    return ", ".join(f"`{name}`" for name in effect.recommended_experiments)
 
 
 def _row(parameter: EffectParameter, meaning: str) -> str:

@@ -42,7 +42,7 @@ MECHANICS = {
     "statics": "loads, residual and stiffness of a chain",
     "relaxation": "from anywhere to an equilibrium",
     "inertia": "masses, the mass matrix, the longest step",
-    "law_around": "a law around another one",
+    "law_wrapper": "a law around another one",
     "scalar_form": "the scalar form of a law against the law",
 }
 

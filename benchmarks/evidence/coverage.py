@@ -22,10 +22,10 @@ from benchmarks.output import Bar, make_parser, write
 
 from pliant import api
 from pliant.diagnosis.bands import bands
+from pliant.diagnosis.data_split import split_runs
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.sampler import sample_posterior
-from pliant.diagnosis.test_split import split_runs
 from pliant.records.measurement import Measurement
 from pliant.store.store import write_atomically
 
@@ -80,7 +80,7 @@ def covered(spec: SetSpec, sampled: bool = False) -> dict[str, Any]:
         opened = api.open_study(Path(folder) / "study.yaml", store=Path(folder) / "store")
         measurement = api.read_measurement(opened, [Path(folder) / "bench.csv"])
         split = split_runs(measurement)
-        ground = Ground.from_study(opened.bench, opened.study, split.training)
+        ground = Ground.from_study(opened.context, opened.study, split.training)
         found = extend(ground, opened.study.effects, made.label["kinds"], profiles=sampled)
     band = bands(ground.predictor, found.posterior, found.scatter)
 

@@ -29,12 +29,12 @@ from benchmarks.evidence.truths import UNKNOWN
 from benchmarks.output import Bar, write
 
 from pliant import api
+from pliant.diagnosis.data_split import split_runs
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.left_out import condition_indices
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.readings import readings_over_floor, score
-from pliant.diagnosis.test_split import split_runs
-from pliant.evidence.places import run_residuals
+from pliant.evidence.error_bins import run_residuals
 from pliant.evidence.prediction import Predictor
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.measurement import Measurement
@@ -89,12 +89,12 @@ def answer(kind: str, seed: int) -> Answer:
         opened = api.open_study(study, store=Path(folder))
         whole = api.read_measurement(opened, csv)
         locked = split_runs(whole)
-        model = Predictor.from_study(opened.bench, opened.study, locked.training)
+        model = Predictor.from_study(opened.context, opened.study, locked.training)
         found = learned(model, locked.training)
         plain, better = (run_residuals(whole, model.predict(term_effects(one))) for one in (None, found))
         floors = noise_view(whole, better, dict.fromkeys(better[0], 1.0), repeat_groups(whole)).floors
         without, with_it = (score(one, floors, locked.runs).over_floor for one in (plain, better))
-        outside = beyond(Predictor.from_study(opened.bench, opened.study, whole), whole)
+        outside = beyond(Predictor.from_study(opened.context, opened.study, whole), whole)
     words = "nothing" if found is None else describe_form(found)
     return Answer(kind, seed, words, without, with_it, outside, time.perf_counter() - started)
 

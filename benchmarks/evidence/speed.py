@@ -82,7 +82,7 @@ def holds() -> list[History]:
 
 def recorded(opened: api.OpenStudy, runs: Sequence[History]) -> Measurement:
     """Return the runs with the readings of a stiffer joint."""
-    stiffness = opened.bench.registry.get("effect", "stiffness").config_model()
+    stiffness = opened.context.registry.get("effect", "stiffness").config_model()
     hidden = stiffness.model_validate({"kind": "stiffness", "factor": STIFFER})
     truth = api.predictor(opened, read(runs, [np.zeros(len(run)) for run in runs])).predict((hidden,))
     noise = np.random.default_rng(1)

@@ -85,7 +85,7 @@ def solve(out: Path) -> None:
         study.write_text(chain_hypothesis.STUDY)
         opened = api.open_study(study, [], store=Path(folder) / "store")
         backend, family, material = (
-            opened.bench.build(name, getattr(opened.study, name)) for name in ("fem", "family", "material")
+            opened.context.build(name, getattr(opened.study, name)) for name in ("fem", "family", "material")
         )
         for modules in SOLVED:
             body = backend.structure(family.structure(modules), material)
@@ -184,8 +184,8 @@ def errors(
     """
     overrides = [f"chain.modules={modules}", f"measurements.file={EXAMPLE / name}.csv"]
     opened = api.open_study(study, overrides, store=store)
-    measured = read_study_measurement(opened.bench, opened.study, None)
-    predictor = Predictor.from_study(opened.bench, opened.study, measured)
+    measured = read_study_measurement(opened.context, opened.study, None)
+    predictor = Predictor.from_study(opened.context, opened.study, measured)
     tips, turns = [], []
     for run, said in zip(measured.runs, predictor.predict(effects), strict=True):
         missed = {key: run.outputs[key] - said[key] for key in said}

@@ -66,21 +66,21 @@ def main() -> None:
         rows = []
         for modules in given.modules:
             opened = api.open_study(study, [f"chain.modules={modules}"], store=Path(folder) / "store")
-            rows += solved(opened.bench, opened.study, modules)
+            rows += solved(opened.context, opened.study, modules)
     write("chain_hypothesis", {"cases": rows})
     if given.picture:
         draw(rows, given.picture)
 
 
-def solved(bench: RunContext, study: Study, modules: int) -> list[dict[str, Any]]:
+def solved(context: RunContext, study: Study, modules: int) -> list[dict[str, Any]]:
     """Solve all cases of one number of modules."""
     begun = time.perf_counter()
     family, backend, material, engine = (
-        bench.build(name, getattr(study, name)) for name in ("family", "fem", "material", "physics")
+        context.build(name, getattr(study, name)) for name in ("family", "fem", "material", "physics")
     )
     body, chain = (
         backend.structure(family.structure(modules), material),
-        build_study_chain(bench, study).chain,
+        build_study_chain(context, study).chain,
     )
     rows, free = [], {0.0: body.rest()}
     # Axial strain of a free module's plate at each pressure.

@@ -73,7 +73,7 @@ def measure(name: str, designs: int | None, workers: int) -> dict[str, Any]:
         possible = []  # the swept parameters of the designs that the family builds
         for design in sweep_designs(opened.study):
             with suppress(InvalidDesignError):
-                opened.bench.build("family", design.family)
+                opened.context.build("family", design.family)
                 possible.append(dict(design.changes))
         if designs is not None and designs < len(possible):
             chosen = np.linspace(0, len(possible) - 1, designs).round().astype(int)

@@ -50,7 +50,7 @@ def finger() -> ChainModel:
     lies = ["chain.base={direction: [1, 0, 0]}", f"chain.segments.0.rigid.length={1e3 * BASE_M - 14} mm"]
     with tempfile.TemporaryDirectory() as folder:
         opened = api.open_study(STUDY, lies, store=folder)
-        chain = build_study_chain(opened.bench, opened.study).chain
+        chain = build_study_chain(opened.context, opened.study).chain
     base, *links = chain.bodies
     masses = (link_kg(LINK_M3), link_kg(LINK_M3), link_kg(LAST_M3))
     moved = [replace(b, mass_kg=m, com_m=np.zeros(3)) for b, m in zip(links, masses, strict=True)]

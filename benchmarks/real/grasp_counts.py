@@ -72,17 +72,17 @@ def main() -> None:
     )
     theirs = compare_counts(whole[1].counts, published())
     opened, counted = near
-    effects = effect_parameters(opened.bench.registry, EFFECTS)
+    effects = effect_parameters(opened.context.registry, EFFECTS)
     # As a study's `measurements` block would hold them.
     numbers = task_parameters(counted, [PlausibleRange.model_validate(one) for one in RANGES])
     order = [*numbers[:2], *effects[:2], *numbers[2:], *effects[2:]]
     hypotheses = [(parameter,) for parameter in (order[:1] if quick else order)]
     for number, hypothesis in enumerate(hypotheses, start=1):  # one by one, to be watched
-        row = count_evidence(opened.bench, counted, [hypothesis]).rows[(hypothesis[0].name,)]
+        row = count_evidence(opened.context, counted, [hypothesis]).rows[(hypothesis[0].name,)]
         likelihood = row.log_likelihood.sum(axis=1)
         levels = ", ".join(f"{v[0]:.4g}: {x:.1f}" for v, x in zip(row.grid, likelihood, strict=True))
         print(f"  {number} of {len(hypotheses)}: {hypothesis[0].name}: {levels}", flush=True)
-    found = count_evidence(opened.bench, counted, hypotheses)
+    found = count_evidence(opened.context, counted, hypotheses)
     print_ranking(found)
     judged = on_all(whole, found)
     print_conditions(theirs, judged)
@@ -110,7 +110,7 @@ def on_all(whole: tuple[api.OpenStudy, CountedStudy], found: CountEvidence) -> C
     best = most_probable_kinds(found)
     row = found.rows[best]
     parameters = [replace(k, levels=(v,)) for k, v in zip(row.parameters, row.grid[row.best], strict=True)]
-    return count_evidence(opened.bench, counted, [parameters])
+    return count_evidence(opened.context, counted, [parameters])
 
 
 def draw(judged: CountEvidence) -> None:

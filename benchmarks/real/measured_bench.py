@@ -91,7 +91,7 @@ def study_predictor(study: StudyHandle) -> Predictor:
 
     opened = study.opened
     return Predictor.from_study(
-        opened.bench, opened.study, read_study_measurement(opened.bench, opened.study)
+        opened.context, opened.study, read_study_measurement(opened.context, opened.study)
     )
 
 
@@ -183,7 +183,7 @@ def _chain(bench: MeasuredBench) -> ChainModel:
             text = text.replace("{" + key + "}", f"{value:g}")
         path.write_text(text, encoding="utf-8")
         opened = pliant.open(path, store=Path(folder) / "store").opened
-        return build_study_chain(opened.bench, opened.study).chain
+        return build_study_chain(opened.context, opened.study).chain
 
 
 def _bent(chain: ChainModel, measurement: Measurement, gain: float) -> list[dict[str, Array]]:

@@ -73,7 +73,7 @@ def improved(study: StudyHandle, new: Path) -> tuple[Any, StudyHandle]:
     """Run `improve`; return its record and the study that it wrote, the given study if it added nothing."""
     found = study.improve(out=new)
     added = found.record.final is not None
-    return found.record, pliant.open(new, store=study.opened.bench.store.root) if added else study
+    return found.record, pliant.open(new, store=study.opened.context.store.root) if added else study
 
 
 def publish(section: str, lines: Sequence[str]) -> None:

@@ -126,7 +126,7 @@ def main() -> None:
 def fits(study: Path) -> dict[str, Seconds]:
     """Return the seconds of the first prediction, with compilation, and of a fit of each effect."""
     opened = api.open_study(study, store=study.parent / "store")
-    ground = Ground.from_study(opened.bench, opened.study, api.read_measurement(opened))
+    ground = Ground.from_study(opened.context, opened.study, api.read_measurement(opened))
     times = {"first prediction": Seconds.measure(ground.predictor.predict)}
     readings = ground.readings(())
     for kind, forms in (*((kind, ()) for kind in FITTED), (RELATED, (RELATED,))):
@@ -134,7 +134,7 @@ def fits(study: Path) -> dict[str, Seconds]:
         label = f"{kind}, relatives" if forms else kind
         for name in (f"{label}, first", label):
             fitter = Fitter(ground.predictor, readings)
-            candidate = EffectSet.from_kinds(opened.bench.registry, (kind,), forms)
+            candidate = EffectSet.from_kinds(opened.context.registry, (kind,), forms)
             times[name] = Seconds.measure(lambda: found.append(fitter.fit(candidate)))  # noqa: B023
         fit, samples = found[-1], sum(map(len, ground.measurement.runs))
         effects, finest = candidate.configs(fit.x), ground.predictor.refined(fit.parts)

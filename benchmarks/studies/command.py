@@ -135,7 +135,7 @@ def searched(asked: Asked, opened: api.OpenStudy, workers: int | None) -> tuple[
     """
     here, before = machine(), kernel_s()
     begun = time.perf_counter()
-    made = search_study(opened.bench, opened.study, workers=workers)
+    made = search_study(opened.context, opened.study, workers=workers)
     whole_s = time.perf_counter() - begun
     result: SearchResult = made.value
     if not result.best:

@@ -76,7 +76,7 @@ def policy(result: SearchResult) -> dict[str, dict[str, list[Any]]]:
     return found
 
 
-def baseline(bench: RunContext, study: Study) -> dict[str, Any]:
+def baseline(context: RunContext, study: Study) -> dict[str, Any]:
     """Return the study's gripper, no variable set, in all its tasks and engines, with `verify.change`.
 
     Returns:
@@ -87,20 +87,20 @@ def baseline(bench: RunContext, study: Study) -> dict[str, Any]:
         UserError: the study is wrong; an engine's own failure is a note.
     """
     begun, notes = time.perf_counter(), list[str]()
-    problem = build_search_problem(bench, study)
-    setter = StudySetter(study, bench.registry)
+    problem = build_search_problem(context, study)
+    setter = StudySetter(study, context.registry)
     verify = problem.config.verify
     change = verify.change if verify is not None else {}
-    own = [changed(bench.registry, setter.study(dict(c.changes)), change) for c in problem.conditions]
+    own = [changed(context.registry, setter.study(dict(c.changes)), change) for c in problem.conditions]
     solved = solvable(study)
-    cases = direct_studies(bench, own)[0] if solved else own
+    cases = direct_studies(context, own)[0] if solved else own
     engines: dict[str, dict[str, Any]] = {}
     for condition, case in zip(problem.conditions, cases, strict=True):
         for engine in (case.physics, *case.cross_check):
             kind = engine.kind if engine is not None else ""
             alone = case.model_copy(update={"physics": engine, "cross_check": (), "uncertainty": None})
             try:
-                run = simulate_study(bench, alone).engines[0]
+                run = simulate_study(context, alone).engines[0]
             except PliantError as error:
                 notes.append(f"{kind}, {condition.name}: {error}")
                 continue

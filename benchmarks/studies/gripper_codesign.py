@@ -128,7 +128,7 @@ def few(study: Study) -> Study:
 def candidates(opened: api.OpenStudy, grasps: int) -> int:
     """Return the budget for a number of grasps: an optimizer with contexts tries a candidate in one task only."""
     config, optimizer = opened.study.need("search", "a study"), opened.study.block("optimizer")
-    component = opened.bench.registry.get("optimizer", optimizer.kind)
+    component = opened.context.registry.get("optimizer", optimizer.kind)
     one_each = component.implementation_class().capabilities.contexts
     return grasps if one_each else max(1, grasps // max(1, len(config.conditions)))
 
@@ -152,7 +152,7 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)
-        acts = acting(build_search_problem(opened.bench, opened.study))
+        acts = acting(build_search_problem(opened.context, opened.study))
         tasks = {"tasks": list(record.conditions), "acting": acts, "stable_tasks": stable_tasks(record)}
         return {**part, **tasks, "score": score(record), "policy": policy(record), "curve": curve(record)}
 
@@ -162,7 +162,7 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
     """Run the study's initial gripper in the same check as the winners."""
     opened = _opened(asked, given, None)
-    make = partial(baseline, opened.bench, opened.study)
+    make = partial(baseline, opened.context, opened.study)
     return given.part(parts, BASELINE, opened.study, lambda: {"part": BASELINE, **make()})
 
 

@@ -141,7 +141,7 @@ def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:
         `backbone_m`, `target_m`: (n, 3); `joints_m`: (k, 3); `laws`: "direct FEM", or "the search" where the check
         did not come to laws of FEM.
     """
-    bench, study = opened.bench, opened.study
+    bench, study = opened.context, opened.study
     winner = build_search_problem(bench, study).apply(result.best[0].values, 0)
     winner = winner.model_copy(update={"cross_check": (), "uncertainty": None})
     engine, check = (study.physics.kind if study.physics else ""), result.verification

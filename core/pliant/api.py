@@ -20,11 +20,16 @@ from typing import Any
 
 from pliant.config.loading import load_study
 from pliant.config.study import Study
+from pliant.diagnosis.candidates import candidate_kinds
+from pliant.diagnosis.data_split import TrainTestSplit
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.planning import FirstRuns, RunPlan, check_budget, plan_after
+from pliant.diagnosis.planning import plan_first_runs as first_runs
+from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import Improvement
 from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
@@ -69,7 +74,7 @@ class OpenStudy:
     """A study with the plugins and the store that its stages need."""
 
     study: Study
-    bench: RunContext
+    context: RunContext
 
 
 def open_study(
@@ -90,10 +95,10 @@ def open_study(
     Raises:
         UserError: the file is missing or wrong; the message lists every problem.
     """
-    bench = workbench(store, progress)
-    study = load_study(Path(path), bench.registry, overrides, progress.note if progress else warnings.warn)
-    registry = with_files(bench.registry, study.plugins)
-    return OpenStudy(study, replace(bench, registry=registry, store=ArtifactStore(Path(store), study.name)))
+    context = workbench(store, progress)
+    study = load_study(Path(path), context.registry, overrides, progress.note if progress else warnings.warn)
+    registry = with_files(context.registry, study.plugins)
+    return OpenStudy(study, replace(context, registry=registry, store=ArtifactStore(Path(store), study.name)))
 
 
 def workbench(store: str | Path = DEFAULT_STORE, progress: Progress | None = None) -> RunContext:
@@ -115,7 +120,9 @@ def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = Non
     Returns:
         A `pliant_designs.sweep.SweepRun`.
     """
-    return package_function("sweep", DESIGNS)(opened.bench, opened.study, executor=executor, workers=workers)
+    return package_function("sweep", DESIGNS)(
+        opened.context, opened.study, executor=executor, workers=workers
+    )
 
 
 def meta_model(opened: OpenStudy) -> Any:
@@ -130,18 +137,18 @@ def meta_model(opened: OpenStudy) -> Any:
 def fem(opened: OpenStudy) -> tuple[Artifact, ...]:
     """Return the FEM data of each distinct design of the study: `pliant fem`."""
     opened.study.need("family", "FEM")
-    check_study(opened.bench, opened.study)
-    return solve_study_fem(opened.bench, opened.study)
+    check_study(opened.context, opened.study)
+    return solve_study_fem(opened.context, opened.study)
 
 
 def laws(opened: OpenStudy) -> tuple[DesignStages, ...]:
     """Return data and law of each distinct design of the study: `pliant fit`."""
-    return build_study_laws(opened.bench, opened.study)
+    return build_study_laws(opened.context, opened.study)
 
 
 def simulate(opened: OpenStudy) -> StudyRun:
     """Run all stages up to the study's task: `pliant simulate`."""
-    return simulate_study(opened.bench, opened.study)
+    return simulate_study(opened.context, opened.study)
 
 
 def inverse(
@@ -162,9 +169,9 @@ def inverse(
     Raises:
         UserError: a study without a chain, or an input without bounds.
     """
-    chain = carried_chain(opened.bench, opened.study).chain
-    physics = study_physics(opened.bench, opened.study)
-    backend: PhysicsBackend = opened.bench.build("physics", physics)
+    chain = carried_chain(opened.context, opened.study).chain
+    physics = study_physics(opened.context, opened.study)
+    backend: PhysicsBackend = opened.context.build("physics", physics)
     return InverseStatics(backend.build(chain), bounds, samples)
 
 
@@ -199,12 +206,12 @@ def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     """Read the study's measurements, or other files by the same settings, as one measurement in their order."""
     if isinstance(data, Measurement):
         return data
-    return read_study_measurement(opened.bench, opened.study, data)
+    return read_study_measurement(opened.context, opened.study, data)
 
 
 def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
     """Return the study's model, driven by the measured histories."""
-    return Predictor.from_study(opened.bench, opened.study, read_measurement(opened, data))
+    return Predictor.from_study(opened.context, opened.study, read_measurement(opened, data))
 
 
 def compare(opened: OpenStudy, data: Data = None) -> Comparison:
@@ -221,27 +228,65 @@ def compare_counts(opened: OpenStudy, data: str | Path | None = None, *, workers
     """
     function = package_function("compare_counts", "pliant_counts")
     who = opened.study.resolve_workers(workers, 1)
-    return function(opened.bench, opened.study, None if data is None else Path(data), who)
+    return function(opened.context, opened.study, None if data is None else Path(data), who)
 
 
 def diagnose(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = None
+    opened: OpenStudy,
+    data: Data = None,
+    *,
+    kinds: Sequence[str] | None = None,
+    tick: Tick | None = None,
+    workers: Workers = None,
 ) -> Diagnosis:
-    """Diagnose which physical effect is missing: `pliant diagnose`."""
+    """Diagnose which physical effect is missing: `pliant diagnose`; `tick` is called after each fitted hypothesis."""
     _warn_left_out(opened)
     model = predictor(opened, data)
     own = own_runs(opened.study, model.chain, model.measurement)
-    return diagnose_with(model, kinds=kinds, runs=own, workers=opened.study.resolve_workers(workers, 1))
+    who = opened.study.resolve_workers(workers, 1)
+    return diagnose_with(model, kinds=kinds, runs=own, tick=tick, workers=who)
+
+
+def plan(
+    opened: OpenStudy,
+    data: Data = None,
+    *,
+    kinds: Sequence[str] | None = None,
+    runs: int | None = None,
+    minutes: float | None = None,
+    tick: Tick | None = None,
+    workers: Workers = None,
+) -> RunPlan:
+    """Diagnose a recording and choose the runs that decide between the remaining explanations: `pliant plan`."""
+    _warn_left_out(opened)
+    check_budget(runs, minutes)
+    model, who = predictor(opened, data), opened.study.resolve_workers(workers, 1)
+    kinds = candidate_kinds(opened.context.registry, kinds)
+    return plan_after(model, opened.study, kinds, runs=runs, minutes=minutes, tick=tick, workers=who)
+
+
+def plan_first_runs(
+    opened: OpenStudy,
+    *,
+    kinds: Sequence[str] | None = None,
+    runs: int | None = None,
+    minutes: float | None = None,
+) -> FirstRuns:
+    """Choose the fewest runs that distinguish the effects, before any measurement: `pliant plan` without data."""
+    _warn_left_out(opened)
+    check_budget(runs, minutes)
+    kinds = candidate_kinds(opened.context.registry, kinds)
+    return first_runs(opened.context, opened.study, kinds, runs=runs, minutes=minutes)
 
 
 def _warn_left_out(opened: OpenStudy) -> None:
-    for failure in left_out(opened.bench.registry, ("effect",)):
+    for failure in left_out(opened.context.registry, ("effect",)):
         warnings.warn(f"left out: {failure.sentence}", stacklevel=3)
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
     """Fit effects in addition to the study's own, with their uncertainty: `pliant extend`."""
-    ground = Ground.from_study(opened.bench, opened.study, read_measurement(opened, data))
+    ground = Ground.from_study(opened.context, opened.study, read_measurement(opened, data))
     return extend_with(ground, opened.study.effects, kinds)
 
 
@@ -252,18 +297,32 @@ def improve(
     kinds: Sequence[str] | None = None,
     learned: bool = False,
     named_only: bool = False,
+    tick: Tick | None = None,
     workers: Workers = None,
+    split: TrainTestSplit | None = None,
 ) -> Improvement:
-    """Run the whole loop with held-out runs: `pliant improve`; `learned` allows a learned term as its last step."""
+    """Run the whole loop with held-out runs: `pliant improve`.
+
+    Args:
+        opened, data: the model and the recording.
+        kinds: candidates; all effects by default.
+        learned: whether a learned term may be the last step.
+        named_only: add only effects that a verdict names.
+        tick: called with the name of each hypothesis when it has been fitted.
+        workers: where hypotheses are fitted.
+        split: the held-out runs, if they were chosen before.
+    """
     _warn_left_out(opened)
     measurement = read_measurement(opened, data)
     return improve_with(
-        opened.bench,
+        opened.context,
         opened.study,
         measurement,
         kinds=kinds,
         learned=learned,
         named_only=named_only,
+        tick=tick,
+        split=split,
         workers=opened.study.resolve_workers(workers, 1),
     )
 
@@ -281,7 +340,7 @@ def calibrate(
         A `pliant_calibrate.result.Calibration`.
     """
     function = package_function("calibrate", CALIBRATE)
-    return function(opened.bench, opened.study, Path(data), test, fit)
+    return function(opened.context, opened.study, Path(data), test, fit)
 
 
 def fit_stated_law(opened: OpenStudy, data: Data = None, *, held: Sequence[str] = ()) -> Any:
@@ -291,4 +350,4 @@ def fit_stated_law(opened: OpenStudy, data: Data = None, *, held: Sequence[str] 
         A `pliant_calibrate.stated_law_fit.LawOfRuns`.
     """
     function = package_function("fit_stated_law", CALIBRATE)
-    return function(opened.bench, opened.study, read_measurement(opened, data), held=held)
+    return function(opened.context, opened.study, read_measurement(opened, data), held=held)

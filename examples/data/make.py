@@ -30,7 +30,7 @@ FAMILIES = ("bellow_bending", "bellow_translational", "tendon_joint", "bellow_he
 def make(family: str, store: Path) -> None:
     """Solve one family's study and write its two files."""
     opened = api.open_study(HERE / "fem" / f"{family}.yaml", store=store)
-    (artifact,) = solve_study_fem(opened.bench, opened.study)
+    (artifact,) = solve_study_fem(opened.context, opened.study)
     write_table(artifact.value, HERE / f"{family}.csv", material_parameters(opened.study.material))
     text = json.dumps(provenance(opened, artifact), indent=2, default=str)
     (HERE / f"{family}.json").write_text(text + "\n", encoding="utf-8")

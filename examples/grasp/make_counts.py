@@ -37,7 +37,7 @@ def main() -> None:
                 "task.seed": SEED + number,
             }
             setting = Setting(changed_task(task, truth), opened.study.effects)
-            successes, trials = simulate_trials(opened.bench, opened.study, [setting])[0]
+            successes, trials = simulate_trials(opened.context, opened.study, [setting])[0]
             lines.append(f"set {number + 1},{item},{kpa},{weights},{successes},{trials}\n")
     (HERE / "counts.csv").write_text(HEADER + "".join(lines), encoding="utf-8")
 

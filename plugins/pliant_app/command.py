@@ -35,16 +35,16 @@ def app(
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise MissingDependencyError(f"the page needs {' and '.join(missing)}: pip install 'pliant[app]'.")
     study, data = _sorted(files or [])
-    from pliant_app.desk import SessionController  # the extra
+    from pliant_app.controller import SessionController  # the extra
     from pliant_app.folder import SessionFolder
     from pliant_app.server import serve, session_folder
 
     folder = SessionFolder(session_folder(study, out).absolute())
     check_writable(folder.path)
     with folder.alone():
-        desk = SessionController(folder, here.store.expanduser())
-        desk.begin(study, data)
-        serve(desk, port, browser, here.say)
+        controller = SessionController(folder, here.store.expanduser())
+        controller.begin(study, data)
+        serve(controller, port, browser, here.say)
 
 
 def _sorted(files: list[Path]) -> tuple[Path | None, list[Path]]:

@@ -16,14 +16,14 @@ import numpy as np
 
 from pliant import api
 from pliant.config.study import Study
+from pliant.diagnosis.data_split import TrainTestSplit, extend_split, split_runs
 from pliant.diagnosis.extension import Ground
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.readings import Score, score
-from pliant.diagnosis.test_split import TrainTestSplit, extend_split, split_runs
 from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import Comparison, compare
-from pliant.evidence.places import run_residuals
+from pliant.evidence.error_bins import run_residuals
 from pliant.evidence.prediction import Prediction, Predictor, RunReadings, read_study_measurement
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.beginnings import with_known_states
@@ -122,7 +122,7 @@ class OpenModel:
 
     path: Path
     study: Study
-    bench: RunContext
+    context: RunContext
     data: tuple[Path, ...]
     measurement: Measurement
     off: tuple[str, ...] = ()
@@ -139,9 +139,9 @@ class OpenModel:
             UserError: files that cannot be read, or runs that the model cannot follow.
         """
         opened = api.open_study(path, store=store)
-        measurement = read_study_measurement(opened.bench, opened.study, tuple(data) or None)
+        measurement = read_study_measurement(opened.context, opened.study, tuple(data) or None)
         known, unknown = with_known_states(measurement)
-        return OpenModel(path, opened.study, opened.bench, tuple(data), known, (), unknown, earlier)
+        return OpenModel(path, opened.study, opened.context, tuple(data), known, (), unknown, earlier)
 
     def without(self, off: Sequence[str]) -> OpenModel:
         """Return the model with the readings of these runs switched off; their histories still act on the specimens."""
@@ -174,9 +174,9 @@ class OpenModel:
     def ground(self) -> Ground:
         """The training runs on which effects are fitted, as in `pliant improve`."""
         bare = self.study.model_copy(update={"effects": ()})
-        plain = Predictor.from_study(self.bench, bare, self.split.training)
+        plain = Predictor.from_study(self.context, bare, self.split.training)
         watched = WatchedPredictor(
-            plain.bench, plain.backend, plain.chain, self.split.training, law_error=plain.law_error
+            plain.context, plain.backend, plain.chain, self.split.training, law_error=plain.law_error
         )
         return Ground(watched, self.split.training, repeat_groups(self.split.training))
 
@@ -184,7 +184,7 @@ class OpenModel:
         """Return effects from their JSON values; raises `ValidationError` for values out of bounds."""
         found = []
         for one in values:
-            model = self.bench.registry.get("effect", str(one["kind"])).config_model()
+            model = self.context.registry.get("effect", str(one["kind"])).config_model()
             made = model.model_validate(dict(one))
             assert isinstance(made, EffectConfig)
             found.append(made)
@@ -252,19 +252,19 @@ class OpenModel:
     @cached_property
     def mistakes(self) -> tuple[Mistake, ...]:
         """Probable bookkeeping mistakes in the training runs, by the study's own model."""
-        return find_mistakes(Predictor.from_study(self.bench, self.study, self.split.training))
+        return find_mistakes(Predictor.from_study(self.context, self.study, self.split.training))
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Doubts about the study's numbers; the other checks are those of `pliant doctor`."""
-        stages = build_study_laws(self.bench, self.study)
-        checks = model_checks(self.bench, self.study, stages)
+        stages = build_study_laws(self.context, self.study)
+        checks = model_checks(self.context, self.study, stages)
         return tuple(check.sentence for check in checks if check.status == "doubtful")
 
     @cached_property
     def as_a_run(self) -> FinishedRun:
         """The study with its laws in the form that reports read, before an engine ran."""
-        return finished(StudyRun(self.study, build_study_laws(self.bench, self.study)), {})
+        return finished(StudyRun(self.study, build_study_laws(self.context, self.study)), {})
 
     @property
     def key(self) -> list[Any]:
@@ -272,5 +272,5 @@ class OpenModel:
         names = [(run.name, len(run)) for run in self.measurement.runs]
         study = self.study.canonical()
         read = [study, self.measurement.sha256, self.measurement.source, names, list(self.off)]
-        own = own_code(self.bench.registry)
+        own = own_code(self.context.registry)
         return [*read, own] if own else read

@@ -18,7 +18,7 @@ from pliant.diagnosis.excitation import Excitation, applicable, confounded_with,
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.readings import readings_over_floor
-from pliant.evidence.places import run_residuals
+from pliant.evidence.error_bins import run_residuals
 from pliant.formatting import display_unit
 from pliant.interfaces.effect import EffectParameter
 from pliant.measurements.thinning import downsample
@@ -38,10 +38,10 @@ def screened(model: OpenModel, effects: Effects) -> dict[str, Any]:
         model: the open model.
         effects: those of the model.
     """
-    registry = model.bench.registry
+    registry = model.context.registry
     base = model.ground.predictor
     predictor = WatchedPredictor(
-        base.bench, base.backend, base.chain, model.split.training, model.effects(effects)
+        base.context, base.backend, base.chain, model.split.training, model.effects(effects)
     )
     short, _ = downsample(model.split.training, len(base.chain.axes) > 1)
     predictor = predictor if short is model.split.training else predictor.for_runs(short)  # type: ignore[assignment]
@@ -62,7 +62,7 @@ def screened(model: OpenModel, effects: Effects) -> dict[str, Any]:
             kind: {
                 "explains": 0.0 if kind in silent else _share(nothing.residual, shown[kind]),
                 "shown": kind not in silent,
-                "excited_by": registry.get("effect", kind).implementation_class().notes.excited_by,
+                "excited_by": registry.get("effect", kind).implementation_class().notes.excitation,
                 "alike": next((list(group) for group in groups if kind in group and len(group) > 1), []),
             }
             for kind in kinds
@@ -74,7 +74,7 @@ def screened(model: OpenModel, effects: Effects) -> dict[str, Any]:
 
 def catalogue(model: OpenModel) -> list[dict[str, Any]]:
     """Return every effect that can be fitted, with its words and its sliders."""
-    registry = model.bench.registry
+    registry = model.context.registry
     found = []
     for kind in candidate_kinds(registry):
         component = registry.get("effect", kind)
@@ -87,9 +87,9 @@ def catalogue(model: OpenModel) -> list[dict[str, Any]]:
                 "summary": component.summary,
                 "file": defining_file(registry, kind),
                 "signature": notes.signature,
-                "on_the_bench": notes.on_the_bench,
-                "look_alike": notes.look_alike,
-                "told_apart": notes.told_apart,
+                "on_the_bench": notes.inspection,
+                "look_alike": notes.confounder,
+                "told_apart": notes.distinguishing_test,
                 "begun": begun,
                 "sliders": [_slider(parameter.declared) for parameter in one.parameters],
             }

@@ -37,12 +37,12 @@ from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
 from pliant.records.plain_values import plain
 from pliant.registry.discovery import discover
 from pliant.report.render import script_hashes
-from pliant_app.desk import SessionController
+from pliant_app.controller import SessionController
+from pliant_app.exports import anywhere
 from pliant_app.folder import SessionFolder
-from pliant_app.inbox import receive, safe_name
-from pliant_app.leaving import anywhere
 from pliant_app.open_model import OpenModel
 from pliant_app.page_state import as_effects
+from pliant_app.uploads import receive, safe_name
 
 TOKEN = "x-pliant-token"
 MOST_JSON = 1_000_000  # bytes of a request
@@ -106,7 +106,7 @@ def _refusal(sentence: str) -> Response:
     return PlainTextResponse(f"Refused: {sentence}\n", 403)
 
 
-def application(desk: SessionController, token: str) -> Starlette:
+def application(controller: SessionController, token: str) -> Starlette:
     """Return the server's application on a session."""
 
     def answer(ask: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
@@ -127,64 +127,64 @@ def application(desk: SessionController, token: str) -> Starlette:
             name = safe_name(request.query_params.get("name", ""))
             length = request.headers.get("content-length", "")
             declared = int(length) if length.isdigit() else None
-            await receive(request.stream(), declared, desk.folder.files / name)
-            await run_in_threadpool(desk.take, name)
+            await receive(request.stream(), declared, controller.folder.files / name)
+            await run_in_threadpool(controller.take, name)
         except PliantError as error:
             return JSONResponse({"error": str(error)}, 422, headers={"Connection": "close"})
         return JSONResponse({"name": name})
 
     def example(_: Mapping[str, Any]) -> dict[str, Any]:
-        for dropped in desk.state.data:  # the example has its own recording
-            desk.forget(Path(dropped).name)
-        for name in copy_example("hidden-effect", desk.folder.files):
+        for dropped in controller.state.data:  # the example has its own recording
+            controller.forget(Path(dropped).name)
+        for name in copy_example("hidden-effect", controller.folder.files):
             if name.endswith(".yaml"):
-                desk.take(name)
+                controller.take(name)
         return {}
 
     posts: dict[str, Callable[[Mapping[str, Any]], Any]] = {
-        "preview": lambda v: desk.preview(as_effects(v["effects"]), int(v.get("parts", 0))),
-        "space": lambda v: desk.space(as_effects(v["effects"]), str(v["run"])),
-        "step": lambda v: desk.step(
+        "preview": lambda v: controller.preview(as_effects(v["effects"]), int(v.get("parts", 0))),
+        "space": lambda v: controller.space(as_effects(v["effects"]), str(v["run"])),
+        "step": lambda v: controller.step(
             as_effects(v["effects"]), [str(n) for n in v.get("off", [])], str(v.get("words", ""))
         ),
-        "toggle": lambda v: desk.toggle(str(v["run"]), bool(v["on"])),
-        "tick": lambda v: desk.tick(str(v["kind"]), bool(v["on"])),
-        "go": lambda v: desk.go(int(v["cursor"])),
-        "run": lambda v: desk.run(
+        "toggle": lambda v: controller.toggle(str(v["run"]), bool(v["on"])),
+        "tick": lambda v: controller.tick(str(v["kind"]), bool(v["on"])),
+        "go": lambda v: controller.go(int(v["cursor"])),
+        "run": lambda v: controller.run(
             str(v["what"]), [str(kind) for kind in v.get("kinds", [])], bool(v.get("learned", False))
         ),
-        "stop": lambda v: desk.stop(),
-        "save": lambda v: desk.leaving.save(str(v.get("name", ""))),
-        "keep": lambda v: desk.leaving.keep(str(v["what"]), str(v.get("name", ""))),
-        "yaml": lambda v: desk.leaving.as_yaml(),
-        "describe": lambda v: desk.describe(v),
-        "forget": lambda v: desk.forget(str(v["name"])),
+        "stop": lambda v: controller.stop(),
+        "save": lambda v: controller.exports.save(str(v.get("name", ""))),
+        "keep": lambda v: controller.exports.keep(str(v["what"]), str(v.get("name", ""))),
+        "yaml": lambda v: controller.exports.as_yaml(),
+        "describe": lambda v: controller.describe(v),
+        "forget": lambda v: controller.forget(str(v["name"])),
         "example": example,
     }
     gets: dict[str, Callable[[Mapping[str, Any]], Any]] = {
-        "pulse": lambda v: desk.pulse(),
-        "view": lambda v: desk.view(),
-        "curves": lambda v: desk.curves(),
-        "where": lambda v: desk.where(),
-        "screen": lambda v: desk.screen(),
-        "form": lambda v: desk.form(),
+        "pulse": lambda v: controller.status(),
+        "view": lambda v: controller.view(),
+        "curves": lambda v: controller.curves(),
+        "where": lambda v: controller.where(),
+        "screen": lambda v: controller.screen(),
+        "form": lambda v: controller.form(),
     }
 
     async def result(request: Request) -> Response:
-        return _file(desk.folder.results, str(request.path_params["name"]))
+        return _file(controller.folder.results, str(request.path_params["name"]))
 
     async def saved(request: Request) -> Response:
         name = str(request.path_params["name"])
-        found = _file(desk.folder.saved, name)
+        found = _file(controller.folder.saved, name)
         if isinstance(found, FileResponse) and name.endswith(".yaml"):  # for a copy in another folder
-            text = anywhere(desk.folder.saved / name)
+            text = anywhere(controller.folder.saved / name)
             named = {"Content-Disposition": found.headers["content-disposition"]}
             return Response(text, media_type=found.media_type, headers=named)
         return found
 
     async def report(request: Request) -> Response:
         try:
-            html = await run_in_threadpool(desk.leaving.report)
+            html = await run_in_threadpool(controller.exports.report)
         except PliantError as error:
             return PlainTextResponse(f"{error}\n", 422)
         return Response(html, media_type="text/html", headers={"Content-Security-Policy": OF_REPORTS})
@@ -261,11 +261,11 @@ FIRST_PORT, TRIED = 8642, 40
 WARMED_BY = "hidden-effect"
 
 
-def serve(desk: SessionController, port: int, browse: bool, say: Callable[[str], None]) -> None:
+def serve(controller: SessionController, port: int, browse: bool, say: Callable[[str], None]) -> None:
     """Serve the session until Ctrl-C.
 
     Args:
-        desk: the session.
+        controller: the session.
         port: on loopback; 0 for the previous port of the session, else the first free one.
         browse: whether to open the page in the browser.
         say: prints a line.
@@ -274,19 +274,19 @@ def serve(desk: SessionController, port: int, browse: bool, say: Callable[[str],
         UserError: the port is taken.
     """
     threading.Thread(target=warm, daemon=True).start()
-    token, wanted = desk.folder.address(port)
+    token, wanted = controller.folder.address(port)
     bound = _bound(wanted, exact=port != 0)
     with bound:
         here = int(bound.getsockname()[1])
-        desk.folder.keep_address(token, here)
+        controller.folder.keep_address(token, here)
         address = f"http://{LOOPBACK}:{here}/?token={token}"
         say(f"page     {address}")
-        say(f"session  {desk.folder.path}")
+        say(f"session  {controller.folder.path}")
         say("Ctrl-C ends the page; everything is saved, and the same command goes on.")
         if browse:
             webbrowser.open(address)
         config = uvicorn.Config(
-            application(desk, token),
+            application(controller, token),
             log_level="error",
             access_log=False,
             timeout_graceful_shutdown=2,
@@ -299,7 +299,7 @@ def serve(desk: SessionController, port: int, browse: bool, say: Callable[[str],
         except KeyboardInterrupt:
             pass  # uvicorn has ended already, and raises it again
         finally:
-            desk.bench.stop()
+            controller.runner.stop()
             say("the page has ended; everything is saved.")
 
 

@@ -18,7 +18,7 @@ from pliant_app.open_model import OpenModel
 from pliant_app.own_files import Watch
 from pliant_app.page_state import PageState, PageStep, as_effects
 from pliant_app.screening import catalogue
-from pliant_app.showing import shown
+from pliant_app.view_model import shown
 
 AS_IT_IS = "the study as it is"
 
@@ -28,7 +28,7 @@ class PageSession:
 
     Attributes:
         state: its present state; every change is kept on disk.
-        bench: the running work.
+        runner: the running work.
         said: messages of the page, newest last.
         lock: held while the state is read or changed.
         slow: held by one slow request at a time; sliders do not wait for it.
@@ -37,7 +37,7 @@ class PageSession:
     def __init__(self, folder: SessionFolder, store: Path) -> None:
         self.folder, self.store = folder, store
         self.state: PageState = folder.state()
-        self.bench = JobRunner()
+        self.runner = JobRunner()
         self.said: list[str] = []
         self._models: dict[tuple[str, tuple[str, ...]], OpenModel] = {}
         self._catalogue: list[dict[str, Any]] | None = None

@@ -14,7 +14,7 @@ from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import score
 from pliant.diagnosis.steps import Improvement
 from pliant.diagnosis.unseen import SURE, PredictionGain, block_squares, prediction_gain
-from pliant.evidence.places import Residuals, run_residuals
+from pliant.evidence.error_bins import Residuals, run_residuals
 from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig
 from pliant_app.open_model import OpenModel

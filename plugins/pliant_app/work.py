@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant import api
 from pliant.config.study import Study
 from pliant.config.writing import StudyDraft, study_name_from_path
 from pliant.diagnosis.candidates import candidate_kinds
@@ -17,7 +18,6 @@ from pliant.diagnosis.diagnosis import Diagnosis, next_words
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.evidence_table import sorted_kinds
 from pliant.diagnosis.extension import Extension, Ground, extend, write_extended_study
-from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import described
 from pliant.diagnosis.steps import Improvement
@@ -79,7 +79,7 @@ def fit(
     `forms`: kinds whose forms are fitted too, as in `pliant improve` after a diagnosis that calls for it.
     """
     model, ground = task.model, task.ground
-    kinds = candidate_kinds(model.bench.registry, kinds)
+    kinds = candidate_kinds(model.context.registry, kinds)
     begun = model.effects(tuple(one for one in task.effects if one["kind"] in _own(model)))
     without = {
         kind: extend(
@@ -117,7 +117,7 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
     study = model.study.model_copy(update={"effects": model.effects(task.effects)})
     # The result names files by the key, and the file of the next run names the study and the data.
     options = {"key": key, "paths": [str(path) for path in (model.path, *model.data)]}
-    question = Question(model.bench, study, model.split.training, options, MODULES)
+    question = Question(model.context, study, model.split.training, options, MODULES)
     kept = question.find(lambda: _diagnosed(task, study, folder, key)).value
     for name, text in kept["files"].items():
         write_atomically(folder.results / name, text)
@@ -129,7 +129,7 @@ def _diagnosed(task: ModelWork, study: Study, folder: SessionFolder, key: str) -
     model = task.model
     base = task.ground.predictor
     predictor = WatchedPredictor(
-        base.bench, base.backend, base.chain, model.split.training, study.effects, study.law_error
+        base.context, base.backend, base.chain, model.split.training, study.effects, study.law_error
     )
     predictor.stopped = task.stopped
     own = own_runs(study, predictor.chain, predictor.measurement)
@@ -140,7 +140,7 @@ def _diagnosed(task: ModelWork, study: Study, folder: SessionFolder, key: str) -
     found = replace(found, remarks=(*found.remarks, *filter(None, [asked])))
     protocol = _protocol(folder, key, model, found)
     document = diagnosis_document(
-        study.name, model.split.training, found, model.bench.registry, next_file=protocol
+        study.name, model.split.training, found, model.context.registry, next_file=protocol
     )
     result: dict[str, Any] = {
         "what": "diagnose",
@@ -192,17 +192,15 @@ def improve(task: ModelWork, folder: SessionFolder, key: str, learned: bool = Fa
     """
     model = task.model
     study = model.study.model_copy(update={"effects": model.effects(model.own_effects)})
-    who = study.resolve_workers(None, 1)
-    found = improve_with(
-        model.bench, study, model.read, learned=learned, tick=task.tick, workers=who, split=model.split
-    )
+    opened = api.OpenStudy(study, model.context)
+    found = api.improve(opened, model.read, learned=learned, tick=task.tick, split=model.split)
     file = ""
     if found.final is not None or found.learned is not None:
         file = _study_name(model, ["improved"], key)
         notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
         note = improvement_origin(found, cited(model.measurement))
         _write(folder.results / file, model, study.effects, found.final, note, notes, found.learned)
-    document = improvement_document(study.name, model.read, found, model.bench.registry)
+    document = improvement_document(study.name, model.read, found, model.context.registry)
     made = study.effects if found.final is None else found.final.effects
     if found.learned is not None:
         made = (*made, found.learned.effect)

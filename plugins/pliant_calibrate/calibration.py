@@ -56,19 +56,19 @@ Predict = Callable[[MaterialConfig], Array | None]
 
 
 def calibrate_file(
-    bench: RunContext, study: Study, file: Path, test: str | None = None, fit: Sequence[str] | None = None
+    context: RunContext, study: Study, file: Path, test: str | None = None, fit: Sequence[str] | None = None
 ) -> Calibration:
     """Fit constants of the study's material to a table of a test; arguments and errors as `calibrate`."""
-    return calibrate(bench, study, read_bench_data(file, test), fit)
+    return calibrate(context, study, read_bench_data(file, test), fit)
 
 
 def calibrate(
-    bench: RunContext, study: Study, data: BenchData, fit: Sequence[str] | None = None
+    context: RunContext, study: Study, data: BenchData, fit: Sequence[str] | None = None
 ) -> Calibration:
     """Fit constants of the study's material.
 
     Args:
-        bench: plugins and progress.
+        context: plugins and progress.
         study: needs `material`; for a free curve `family` and `fem` too.
         data: see `reading.read_bench_data`.
         fit: names of the constants; all but density and Poisson's ratio by default.
@@ -81,17 +81,17 @@ def calibrate(
     constants = chosen(material, fit)
     _check_rows(data, constants)
     if data.kind == "free":
-        curves = _curves(bench, study, data)
+        curves = _curves(context, study, data)
         start = _initial_from_curve(curves, material, constants, data)
         alone = [c.name for c in material_constants(material) if c.is_modulus] == [c.name for c in constants]
         cheap = curves.similar and alone and len(constants) == 1
-        return _fitted(bench, curves.predict, curves, start, constants, data, material, cheap)
+        return _fitted(context, curves.predict, curves, start, constants, data, material, cheap)
     incompressible = is_incompressible(material, constants)
-    tests = HomogeneousTests(lambda config: _built(bench, config), data.x, data.mode, incompressible)
+    tests = HomogeneousTests(lambda config: _built(context, config), data.x, data.mode, incompressible)
     ratio = [MaterialConstant(RATIO, None, RATIO, INCOMPRESSIBLE_RATIO)] if incompressible else []
     held = changed(material, ratio, [one.value for one in ratio])  # None if a kind does not allow this ν
     start = _initial_from_tests(tests, held or material, constants, data)
-    return _fitted(bench, tests.predict, None, start, constants, data, material, cheap=True)
+    return _fitted(context, tests.predict, None, start, constants, data, material, cheap=True)
 
 
 def _check_rows(data: BenchData, constants: Sequence[MaterialConstant]) -> None:
@@ -106,15 +106,15 @@ def _check_rows(data: BenchData, constants: Sequence[MaterialConstant]) -> None:
         )
 
 
-def _built(bench: RunContext, config: MaterialConfig) -> Material:
-    built: Material = bench.build("material", config)
+def _built(context: RunContext, config: MaterialConfig) -> Material:
+    built: Material = context.build("material", config)
     return built
 
 
-def _curves(bench: RunContext, study: Study, data: BenchData) -> FreeCurves:
+def _curves(context: RunContext, study: Study, data: BenchData) -> FreeCurves:
     what = "a calibration on a free curve"
-    family: ActuatorFamily = bench.build("family", study.need("family", what))
-    curves = FreeCurves.from_module(bench, family, study.need("fem", what), data.x)
+    family: ActuatorFamily = context.build("family", study.need("family", what))
+    curves = FreeCurves.from_module(context, family, study.need("fem", what), data.x)
     output = "extension_m" if curves.problem.joint == "prismatic" else "angle_rad"
     for wanted, given in ((curves.problem.actuation, data.x_name), (output, data.y_name)):
         if wanted != given:
@@ -170,7 +170,7 @@ def _initial_from_curve(
 
 
 def _fitted(
-    bench: RunContext,
+    context: RunContext,
     predict: Predict,
     curves: FreeCurves | None,
     start: MaterialConfig,
@@ -179,7 +179,7 @@ def _fitted(
     study_material: MaterialConfig,
     cheap: bool,
 ) -> Calibration:
-    first, problem = _problem(lambda config: _built(bench, config), predict, start, constants, data, cheap)
+    first, problem = _problem(lambda config: _built(context, config), predict, start, constants, data, cheap)
     scales, weight = problem.scales, _weight(data)
     found, hidden = _found(problem, first, constants, curves, weight, _span(data))
     config = None if found is None else changed(start, constants, found.values.tolist())
@@ -188,8 +188,8 @@ def _fitted(
         raise NotReachedError(
             f"{data.source}: with the study's constants the model has no answer to fit from{cause}; start from others."
         )
-    material = _built(bench, config)
-    if material.shear_modulus_pa < LEAST_MODULUS * _built(bench, start).shear_modulus_pa:
+    material = _built(context, config)
+    if material.shear_modulus_pa < LEAST_MODULUS * _built(context, start).shear_modulus_pa:
         others = ", ".join(kind for kind in ("yeoh", "ogden") if kind != config.kind)
         raise UserError(
             f"{data.source}: law '{config.kind}' follows these data best with no stiffness at rest, so it is no law "
@@ -210,13 +210,13 @@ def _fitted(
         certainty=sure,
         undetermined=tuple(c for c in fitted if c.name in lost),
         shear_modulus_pa=material.shear_modulus_pa,
-        shear_modulus_sd_pa=sure.standard_deviation(_modulus_gradient(bench, config, fitted, scales)),
+        shear_modulus_sd_pa=sure.standard_deviation(_modulus_gradient(context, config, fitted, scales)),
         data=data,
         predicted=data.y + found.residuals / weight,
         converged=found.converged,
         fem_states=curves.states if curves else 0,
         volume=volume,
-        nearest=nearest_materials(bench, material, data),
+        nearest=nearest_materials(context, material, data),
         remarks=(),
     )
     touching = curves.touching(config) if curves else None
@@ -308,15 +308,15 @@ def _found(
 
 
 def _modulus_gradient(
-    bench: RunContext, config: MaterialConfig, constants: Sequence[MaterialConstant], scales: Array
+    context: RunContext, config: MaterialConfig, constants: Sequence[MaterialConstant], scales: Array
 ) -> Array:
     """Return ∂μ₀/∂constants (k,), by differences."""
     values = np.array([c.value for c in constants])
-    here = _built(bench, config).shear_modulus_pa
+    here = _built(context, config).shear_modulus_pa
     gradient = np.zeros(len(values))
     for k, scale in enumerate(scales):
         move = np.zeros(len(values))
         move[k] = 1e-6 * scale
         near = changed(config, constants, (values + move).tolist())
-        gradient[k] = 0.0 if near is None else (_built(bench, near).shear_modulus_pa - here) / move[k]
+        gradient[k] = 0.0 if near is None else (_built(context, near).shear_modulus_pa - here) / move[k]
     return gradient

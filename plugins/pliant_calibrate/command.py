@@ -67,7 +67,7 @@ def calibrate(
         raise UserError("name the data: pliant calibrate STUDY.yaml --data CSV.")
     if out is not None:
         check_target(study, out, force)
-    found = calibrate_file(here.bench(), loaded, data, test, fit)
+    found = calibrate_file(here.context(), loaded, data, test, fit)
     here.show(calibration_document(loaded.name, found))
     here.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
     if found.undetermined:

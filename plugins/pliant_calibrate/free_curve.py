@@ -81,14 +81,14 @@ class FreeCurves:
     """Model of `test: free`, which maps constants to the angle (or extension) of every row.
 
     Attributes:
-        bench: builds the material and the solvers.
+        context: builds the material and the solvers.
         problem: of the family's module, about its main axis.
         backend: FEM.
         actuation: (n,) of the rows, Pa or N.
         failure: cause of the last failure of FEM.
     """
 
-    bench: RunContext
+    context: RunContext
     problem: ModuleProblem
     backend: FEMBackend
     actuation: Array
@@ -97,11 +97,11 @@ class FreeCurves:
 
     @staticmethod
     def from_module(
-        bench: RunContext, family: ActuatorFamily, fem: FemConfig, actuation: Array
+        context: RunContext, family: ActuatorFamily, fem: FemConfig, actuation: Array
     ) -> FreeCurves:
         """Return the model of a study's module."""
         problem = family.problem(fem.refinement, (family.main_axis,))
-        return FreeCurves(bench, problem, bench.build("fem", fem), actuation)
+        return FreeCurves(context, problem, context.build("fem", fem), actuation)
 
     @property
     def states(self) -> int:
@@ -124,7 +124,7 @@ class FreeCurves:
         curve = self._curve(config, modulus, largest)
         missing = curve.missing(largest)
         if missing:
-            bar = self.bench.progress.begin("FEM states of a free curve", missing)
+            bar = self.context.progress.begin("FEM states of a free curve", missing)
             try:
                 curve.reach(largest, bar.advance)
             except NotReachedError as error:
@@ -153,7 +153,7 @@ class FreeCurves:
         return self._curves[key]
 
     def _material(self, config: MaterialConfig) -> Material:
-        built: Material = self.bench.build("material", config)
+        built: Material = self.context.build("material", config)
         return built
 
     def _solver(self, config: MaterialConfig) -> ModuleSolver:

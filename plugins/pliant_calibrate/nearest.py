@@ -32,12 +32,12 @@ class NearMaterial:
     distance: float
 
 
-def nearest_materials(bench: RunContext, material: Material, data: BenchData) -> tuple[NearMaterial, ...]:
+def nearest_materials(context: RunContext, material: Material, data: BenchData) -> tuple[NearMaterial, ...]:
     """Return up to `SHOWN` named rubbers within `FARTHEST`, the nearest first."""
-    own = _stresses(bench, material.config, data)
+    own = _stresses(context, material.config, data)
     candidates = []
-    for preset in _presets(bench):
-        logs = np.log(_stresses(bench, preset.config, data) / own)
+    for preset in _presets(context):
+        logs = np.log(_stresses(context, preset.config, data) / own)
         candidates.append(
             NearMaterial(preset, float(np.exp(np.mean(logs))), float(np.sqrt(np.mean(logs**2))))
         )
@@ -45,9 +45,9 @@ def nearest_materials(bench: RunContext, material: Material, data: BenchData) ->
     return tuple(sorted(near, key=lambda one: one.distance)[:SHOWN])
 
 
-def _presets(bench: RunContext) -> list[Preset]:
+def _presets(context: RunContext) -> list[Preset]:
     presets: list[Preset] = []
-    for component in bench.registry.by_interface("material"):
+    for component in context.registry.by_interface("material"):
         try:
             kind: type[Material] = component.implementation_class()
         except MissingDependencyError:
@@ -56,11 +56,11 @@ def _presets(bench: RunContext) -> list[Preset]:
     return presets
 
 
-def _stresses(bench: RunContext, config: MaterialConfig, data: BenchData) -> Array:
+def _stresses(context: RunContext, config: MaterialConfig, data: BenchData) -> Array:
     """Return nominal stresses (n,) of the data's strained rows, incompressible; for a free curve μ (1,)."""
     if data.kind == "free":
-        return np.array([bench.build("material", config).shear_modulus_pa])
+        return np.array([context.build("material", config).shear_modulus_pa])
     rows = np.abs(data.x - 1) > 1e-3
-    tests = HomogeneousTests(lambda c: bench.build("material", c), data.x[rows], data.mode[rows], True)
+    tests = HomogeneousTests(lambda c: context.build("material", c), data.x[rows], data.mode[rows], True)
     stress = tests.predict(config)
     return np.full(int(rows.sum()), np.nan) if stress is None else np.abs(stress)

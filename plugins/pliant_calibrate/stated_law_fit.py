@@ -14,7 +14,7 @@ import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError, closest
-from pliant.evidence.places import padded
+from pliant.evidence.error_bins import padded
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.measurements.effective import effective_samples
@@ -58,7 +58,7 @@ class LawOfRuns:
 
 
 def fit_stated_law(
-    bench: RunContext, study: Study, measurement: Measurement, *, held: Sequence[str] = ()
+    context: RunContext, study: Study, measurement: Measurement, *, held: Sequence[str] = ()
 ) -> LawOfRuns:
     """Fit the coefficients of the study's stated law, except those stated as 0 and those in `held`.
 
@@ -75,7 +75,7 @@ def fit_stated_law(
     names = [name for name, value in given.items() if value != 0.0 and name not in held]
     if config is None or not names:
         raise UserError("No coefficient is left to fit: all are held or stated as 0.")
-    errors = _Errors(bench, study, measurement, config, names)
+    errors = _Errors(context, study, measurement, config, names)
     start = np.array([given[name] for name in names])
     found = minimised(BlackBox(errors.packed, np.abs(start), STEP, True, TOLERANCE, LEAST), start)
     if found is None:
@@ -127,17 +127,17 @@ class _Errors:
 
     def __init__(
         self,
-        bench: RunContext,
+        context: RunContext,
         study: Study,
         measurement: Measurement,
         config: SurrogateConfig,
         names: Sequence[str],
     ) -> None:
-        self.bench, self.measurement, self.config, self.names = bench, measurement, config, names
-        self.chain, self.effects = build_study_chain(bench, study).chain, study.effects
+        self.context, self.measurement, self.config, self.names = context, measurement, config, names
+        self.chain, self.effects = build_study_chain(context, study).chain, study.effects
         if len(self.chain.laws) > 1:
             raise UserError("The chain has several laws; runs are fitted with one law for all joints.")
-        predictor = Predictor.from_study(bench, study, measurement)
+        predictor = Predictor.from_study(context, study, measurement)
         self.backend, self.outputs = predictor.backend, predictor.outputs
         read = {
             name: np.concatenate([run.outputs[name] for run in measurement.runs]) for name in self.outputs
@@ -148,9 +148,9 @@ class _Errors:
     def evaluate(self, values: Array) -> list[dict[str, Array]]:
         """Return per run and output (t,), SI; NaN without a reading or an equilibrium of the model."""
         config = _with(self.config, dict(zip(self.names, values.tolist(), strict=True)))
-        stated = self.bench.build("surrogate", config).stated()
+        stated = self.context.build("surrogate", config).stated()
         chain = self.chain.with_(laws=(sharing_elasticity(stated, int(self.chain.parts.max())),))
-        predictor = Predictor(self.bench, self.backend, chain, self.measurement, self.effects)
+        predictor = Predictor(self.context, self.backend, chain, self.measurement, self.effects)
         return [
             {name: run.outputs[name] - model[name] for name in self.outputs}
             for run, model in zip(self.measurement.runs, predictor.evaluate().runs, strict=True)

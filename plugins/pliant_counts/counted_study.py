@@ -63,13 +63,13 @@ def counted_study(study: Study, data: Sources = None) -> CountedStudy:
     return CountedStudy(study, task, read_counts(path, task, settings), settings.trials)
 
 
-def compare_counted(bench: RunContext, counted: CountedStudy, workers: Workers = 1) -> CountComparison:
+def compare_counted(context: RunContext, counted: CountedStudy, workers: Workers = 1) -> CountComparison:
     """Simulate every condition under the study's noise, each an artifact of the store, and compare."""
     settings = [
         Setting(counted.condition_task(condition), counted.study.effects)
         for condition in counted.counts.conditions
     ]
-    return compare_counts(counted.counts, simulate_trials(bench, counted.study, settings, workers))
+    return compare_counts(counted.counts, simulate_trials(context, counted.study, settings, workers))
 
 
 def _file(study: Study, data: Sources) -> Any:

@@ -38,10 +38,12 @@ class MeasuredCounts:
         """The digest of the file's content."""
         return self.counted.counts.sha256
 
-    def compare(self, bench: RunContext, workers: Workers) -> tuple[CountComparison, Callable[[], Document]]:
+    def compare(
+        self, context: RunContext, workers: Workers
+    ) -> tuple[CountComparison, Callable[[], Document]]:
         """Simulate all conditions; return the comparison and the call that documents it."""
         counted = self.counted
-        found = compare_counted(bench, counted, workers)
+        found = compare_counted(context, counted, workers)
         return found, lambda: counts_document(counted.study.name, counted.counts, found)
 
     def candidates(self, registry: Registry, kinds: Sequence[str] | None) -> Sequence[VariedParameter]:
@@ -56,13 +58,13 @@ class MeasuredCounts:
         return parameters
 
     def diagnose(
-        self, bench: RunContext, candidates: Sequence[VariedParameter], workers: Workers
+        self, context: RunContext, candidates: Sequence[VariedParameter], workers: Workers
     ) -> tuple[CountEvidence, Callable[[], Document]]:
         """Simulate all candidates at all levels; return the evidence and the call that documents its verdict."""
         counted = self.counted
-        found = count_evidence(bench, counted, [(parameter,) for parameter in candidates], workers)
+        found = count_evidence(context, counted, [(parameter,) for parameter in candidates], workers)
         return found, lambda: counts_diagnosis_document(
-            counted.study.name, counted.counts, found, judge_counts(found), bench.registry
+            counted.study.name, counted.counts, found, judge_counts(found), context.registry
         )
 
 
@@ -83,6 +85,8 @@ def open_counts(study: Study, data: Sources = None) -> MeasuredCounts | None:
     return MeasuredCounts(counted_study(study, first))
 
 
-def compare_counts_file(bench: RunContext, study: Study, data: Sources, workers: Workers) -> CountComparison:
+def compare_counts_file(
+    context: RunContext, study: Study, data: Sources, workers: Workers
+) -> CountComparison:
     """Compare the study's task with a file of counts."""
-    return compare_counted(bench, counted_study(study, data), workers)
+    return compare_counted(context, counted_study(study, data), workers)

@@ -147,8 +147,8 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
     }
     smallest = [(found.rows[kinds].parameters[0], level) for kinds, level in judged.smallest.items()]
     silent = [found.rows[kinds].parameters[0] for kinds in judged.not_excited]
-    excited_by = {
-        one.name: registry.get("effect", one.kind).implementation_class().notes.excited_by
+    excitation = {
+        one.name: registry.get("effect", one.kind).implementation_class().notes.excitation
         if one.model
         else ""
         for one in silent
@@ -163,7 +163,7 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
             for one in weighed_hypotheses(found)
         ],
         "not_excited": [
-            {"kind": name, "run_that_would_excite_it": run or NEARER} for name, run in excited_by.items()
+            {"kind": name, "run_that_would_excite_it": run or NEARER} for name, run in excitation.items()
         ],
         "indistinguishable": [
             {"a": named(a), "b": named(b), "unexplained_share": share} for a, b, share in judged.alike

@@ -112,7 +112,7 @@ class CountEvidence:
 
 
 def count_evidence(
-    bench: RunContext,
+    context: RunContext,
     counted: CountedStudy,
     hypotheses: Sequence[Sequence[VariedParameter]],
     workers: Workers = 1,
@@ -120,7 +120,7 @@ def count_evidence(
     """Simulate every hypothesis at every level under all conditions, and weigh them.
 
     Args:
-        bench: plugins, store, progress; every setting is an artifact of the store, so that the scan can be resumed.
+        context: plugins, store, progress; every setting is an artifact of the store, so that the scan can be resumed.
         counted: the study and the counts.
         hypotheses: parameters that are varied together; the unchanged model is always included.
         workers: see `executor_for`.
@@ -136,7 +136,7 @@ def count_evidence(
             for parameter, level in zip(parameters, levels, strict=True):
                 setting = parameter.moved(setting, condition, level)
             settings.append(setting)
-    counts = simulate_trials(bench, counted.study, settings, workers)
+    counts = simulate_trials(context, counted.study, settings, workers)
     by_point = [tuple(counts[i : i + len(conditions)]) for i in range(0, len(counts), len(conditions))]
     return weighed(counted, points, by_point)
 

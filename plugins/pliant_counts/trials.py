@@ -31,12 +31,12 @@ class Setting:
 
 
 def simulate_trials(
-    bench: RunContext, study: Study, settings: Sequence[Setting], workers: Workers = 1
+    context: RunContext, study: Study, settings: Sequence[Setting], workers: Workers = 1
 ) -> list[Count]:
     """Return successes and trials of each setting; results in the store are reused.
 
     Args:
-        bench: plugins, store, progress.
+        context: plugins, store, progress.
         study: chain, physics and everything else that the settings share.
         settings: see `Setting`; trials of one seed draw the same random numbers in every setting.
         workers: see `executor_for`; 1 simulates in this process.
@@ -45,9 +45,9 @@ def simulate_trials(
         UserError: a task that does not count successes, or an engine that cannot simulate it.
         NotReachedError: a setting killed its worker twice; the results of the others are in the store.
     """
-    source = build_study_chain(bench, study)  # the law is stored before workers begin
-    bar = bench.progress.begin("simulating conditions", len(settings))
-    function: Callable[[Any], Count] = partial(_simulated, bench, study, source)
+    source = build_study_chain(context, study)  # the law is stored before workers begin
+    bar = context.progress.begin("simulating conditions", len(settings))
+    function: Callable[[Any], Count] = partial(_simulated, context, study, source)
     items: Sequence[Any] = settings
     done = []
     try:
@@ -55,7 +55,7 @@ def simulate_trials(
             if not isinstance(executor, InlineExecutor):
                 modules = (__name__,) if executor.remote else ()
                 items = [
-                    RemoteStudy.from_study(bench, _with(study, setting), modules) for setting in settings
+                    RemoteStudy.from_study(context, _with(study, setting), modules) for setting in settings
                 ]
                 function = simulate_remote
             with JobQueue(executor, function) as queue:
@@ -69,9 +69,9 @@ def simulate_trials(
 
 def simulate_remote(remote: RemoteStudy) -> tuple[int, int]:
     """Run the task of a study in a worker, through the shared store."""
-    bench, study = remote.open()
+    context, study = remote.open()
     setting = Setting(study.need("task", "a simulation"), study.effects)
-    return _simulated(bench, study, build_study_chain(bench, study), setting)
+    return _simulated(context, study, build_study_chain(context, study), setting)
 
 
 def _with(study: Study, setting: Setting) -> Study:
@@ -80,9 +80,9 @@ def _with(study: Study, setting: Setting) -> Study:
     return study.model_copy(update={**changes, "noise": None, "measurements": None, "cross_check": ()})
 
 
-def _simulated(bench: RunContext, study: Study, source: ChainSource, setting: Setting) -> Count:
+def _simulated(context: RunContext, study: Study, source: ChainSource, setting: Setting) -> Count:
     task = setting.task
-    made = simulate_stage(bench, source, study_physics(bench, study), task, setting.effects)
+    made = simulate_stage(context, source, study_physics(context, study), task, setting.effects)
     share, trials = made.value.metrics.get(SHARE), int(getattr(task, "trials", 1))
     if share is None:
         raise UserError(

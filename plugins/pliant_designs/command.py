@@ -28,12 +28,12 @@ STUDYS_WAY = {"kind": "coefficients", "form": "study"}
 
 
 def report_sweep(
-    here: Session, bench: RunContext, study: Study, folder: Path, workers: int | None, scheduler: str | None
+    here: Session, context: RunContext, study: Study, folder: Path, workers: int | None, scheduler: str | None
 ) -> None:
     """Solve the sweep, write its table and index, and print a summary."""
     chosen = workers_or_scheduler(workers, scheduler)
     check_writable(folder)
-    run = sweep_study(bench, study, executor=chosen)
+    run = sweep_study(context, study, executor=chosen)
     write_sweep_table(run, folder / SWEEP_TABLE)
     here.show(sweep_document(run, study.name, folder / SWEEP_TABLE))
     index = {"pliant": __version__, "study": study.name, **plain(here.result)}
@@ -60,15 +60,15 @@ def fit_meta_model(
     folder = out or Path("runs") / study.name
     if count is not None or out is not None:
         check_writable(folder)
-    bench = here.bench()
-    stage = meta_model_stage(bench, study)
-    beside = _beside(here, bench, study, stage) if compare else []
-    found = designs_to_solve(bench, study, stage, count) if count is not None else []
-    curve = design_learning_stage(bench, stage) if learning and out is not None else None
+    context = here.context()
+    stage = meta_model_stage(context, study)
+    beside = _beside(here, context, study, stage) if compare else []
+    found = designs_to_solve(context, study, stage, count) if count is not None else []
+    curve = design_learning_stage(context, stage) if learning and out is not None else None
     inputs: Any = study.canonical()
     fitted = [MetaFitted(stage, curve, found), *map(MetaFitted, beside)]
     document = meta_document(study.name, fitted, inputs)
-    here.show(document, out, stored_meta_page(bench, document, fitted, inputs))
+    here.show(document, out, stored_meta_page(context, document, fitted, inputs))
     if found:
         table = folder / TABLE
         write_proposals(found, table)
@@ -76,13 +76,13 @@ def fit_meta_model(
         here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
 
 
-def _beside(here: Session, bench: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
+def _beside(here: Session, context: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
     """Fit the published form, a network from parameters to the law's coefficients, to the same designs."""
     try:
         config = (
-            bench.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
+            context.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
         )
-        other = meta_model_stage(bench, study.model_copy(update={"meta_model": config}), stage.solved)
+        other = meta_model_stage(context, study.model_copy(update={"meta_model": config}), stage.solved)
     except (UserError, MissingDependencyError) as error:
         here.say(f"beside   {STUDYS_WAY['kind']}: {error}")
         here.result["compared"] = {STUDYS_WAY["kind"]: {"problem": str(error)}}

@@ -22,14 +22,14 @@ TEST_SHARE = 0.25
 SEED = 0  # of the held-out designs
 
 
-def design_learning_stage(bench: RunContext, stage: MetaModelStage) -> Artifact:
+def design_learning_stage(context: RunContext, stage: MetaModelStage) -> Artifact:
     """Return the learning curve of a meta-model's kind through the store; the value is that of `design_learning`."""
-    model: MetaModel = bench.build("meta_model", stage.config)
+    model: MetaModel = context.build("meta_model", stage.config)
     settings = {name: value for name, value in content(stage.config).items() if name not in NOT_FITTED}
-    return bench.make(
+    return context.make(
         "learning",
-        lambda partial: design_learning(model, stage.designs, bench.progress, partial / "points.json"),
-        components=[bench.component("meta_model", stage.config)],
+        lambda partial: design_learning(model, stage.designs, context.progress, partial / "points.json"),
+        components=[context.component("meta_model", stage.config)],
         modules=["pliant_designs.learning"],
         config={"meta_model": settings, "family": stage.designs.family, "names": list(stage.designs.names)},
         inputs=stage.solved.inputs,

@@ -67,7 +67,7 @@ def check_count(count: int) -> None:
         raise UserError(f"--next {count}: ask for at least one design.")
 
 
-def designs_to_solve(bench: RunContext, study: Study, stage: MetaModelStage, count: int) -> list[Proposal]:
+def designs_to_solve(context: RunContext, study: Study, stage: MetaModelStage, count: int) -> list[Proposal]:
     """Return the `count` designs to solve next, best first.
 
     The candidates are the sweep's unsolved designs if the study has such, else designs in the range that the family
@@ -80,13 +80,13 @@ def designs_to_solve(bench: RunContext, study: Study, stage: MetaModelStage, cou
     designs = stage.designs
     candidates = _unsolved(designs, _sweep_designs(study, designs))
     if not len(candidates):
-        candidates = _unsolved(designs, _in_range(bench, study, designs, CANDIDATES, SEED))
+        candidates = _unsolved(designs, _in_range(context, study, designs, CANDIDATES, SEED))
     if len(candidates) < count:
         raise UserError(
             f"--next {count}: only {len(candidates)} designs can be had that are not solved yet; ask for fewer, or "
             "widen the sweep."
         )
-    over = _in_range(bench, study, designs, OVER, SEED + 1)
+    over = _in_range(context, study, designs, OVER, SEED + 1)
     worth, basis = _worth(stage, candidates, over if len(over) else designs.values)
     reach = len(designs) ** (-1.0 / len(designs.names))
     left, found = worth.copy(), []
@@ -144,17 +144,17 @@ def _sweep_designs(study: Study, designs: SolvedDesigns) -> Array:
     return np.array(rows).reshape(-1, len(designs.names))
 
 
-def _in_range(bench: RunContext, study: Study, designs: SolvedDesigns, count: int, seed: int) -> Array:
+def _in_range(context: RunContext, study: Study, designs: SolvedDesigns, count: int, seed: int) -> Array:
     """Return (m, d) designs that fill the range evenly and that the family accepts, its corners first."""
     low, width = designs.box[:, 0], designs.scale
     d = len(designs.names)
     corners = np.array(list(product((0.0, 1.0), repeat=d)) if d <= MOST_CORNERS else []).reshape(-1, d)
     shares = np.concatenate([corners, scipy.stats.qmc.Sobol(d, seed=seed).random(count)])
     rows = [[float(f"{value:.{DIGITS}g}") for value in row] for row in low + shares * width]
-    return np.array([row for row in rows if _possible(bench, study, designs, row)]).reshape(-1, d)
+    return np.array([row for row in rows if _possible(context, study, designs, row)]).reshape(-1, d)
 
 
-def _possible(bench: RunContext, study: Study, designs: SolvedDesigns, row: Sequence[float]) -> bool:
+def _possible(context: RunContext, study: Study, designs: SolvedDesigns, row: Sequence[float]) -> bool:
     """Return whether family and material can be built with these parameters."""
     changes: dict[str, dict[str, float]] = {"family": {}, "material": {}}
     for name, value in zip(designs.names, row, strict=True):
@@ -163,7 +163,7 @@ def _possible(bench: RunContext, study: Study, designs: SolvedDesigns, row: Sequ
     try:
         for block in changes:
             if (config := getattr(study, block)) is not None:
-                bench.build(block, varied(config, changes[block]))
+                context.build(block, varied(config, changes[block]))
     except (InvalidDesignError, ValidationError):
         return False
     return True

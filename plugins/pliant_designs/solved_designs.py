@@ -124,7 +124,7 @@ def design_values(
     return values
 
 
-def solved_designs(bench: RunContext, study: Study) -> SourcedDesigns:
+def solved_designs(context: RunContext, study: Study) -> SourcedDesigns:
     """Return the designs of `meta_model.data`, else those of the study's sweep after solving them.
 
     Raises:
@@ -133,8 +133,8 @@ def solved_designs(bench: RunContext, study: Study) -> SourcedDesigns:
     """
     config = study.need("meta_model", "a meta-model")
     family: FamilyConfig = study.need("family", "a meta-model")
-    built: ActuatorFamily = bench.build("family", family)
-    model: MetaModel = bench.build("meta_model", config)
+    built: ActuatorFamily = context.build("family", family)
+    model: MetaModel = context.build("meta_model", config)
     model.check_actuations(built.actuation)  # before hours of FEM
     if config.data is not None:
         found = from_table(config.data, family.kind)
@@ -144,13 +144,13 @@ def solved_designs(bench: RunContext, study: Study) -> SourcedDesigns:
         swept = planned[0].changes
         varied = [n for n in swept if len({repr(design.changes[n]) for design in planned}) > 1]
         enough_to_score(len(planned), varied, model.fewest)
-        found = from_sweep(sweep_study(bench, study))
+        found = from_sweep(sweep_study(context, study))
     else:
         raise UserError(
             "'meta_model' needs solved designs: give the study a 'sweep' block, or the table of one, "
             "'meta_model.data: fem.csv'."
         )
-    _one_family(bench, family, study.material, found)
+    _one_family(context, family, study.material, found)
     return found
 
 
@@ -280,7 +280,7 @@ def _same_states(one: ModuleData, other: ModuleData) -> bool:
 
 
 def _one_family(
-    bench: RunContext, family: FamilyConfig, material: MaterialConfig | None, found: SourcedDesigns
+    context: RunContext, family: FamilyConfig, material: MaterialConfig | None, found: SourcedDesigns
 ) -> None:
     """Check that the designs match the study's family in parameters, joint, axes and actuation."""
     known = list(design_parameters(family, material))
@@ -290,7 +290,7 @@ def _one_family(
                 f"{found.source}: '{name}' varies between its designs, and it is not a parameter of the study's family "
                 f"'{family.kind}'{closest(name, known)} Were the designs of another family?"
             )
-    built: ActuatorFamily = bench.build("family", family)
+    built: ActuatorFamily = context.build("family", family)
     data = found.designs.data[0]
     theirs, own = (data.joint, data.axes, data.actuation_name), (built.joint, built.axes, built.actuation)
     if theirs != own:

@@ -88,25 +88,27 @@ class MetaModelStage:
         return with_error(law, self.bars.bar(law, values, doubt).arrays())
 
 
-def meta_model_stage(bench: RunContext, study: Study, solved: SourcedDesigns | None = None) -> MetaModelStage:
+def meta_model_stage(
+    context: RunContext, study: Study, solved: SourcedDesigns | None = None
+) -> MetaModelStage:
     """Fit the study's meta-model, or load it from the store; unsolved designs are solved first.
 
     Raises:
         UserError: too few designs, or designs that do not belong together; see `solved_designs`.
     """
     config: MetaModelConfig = study.need("meta_model", "a meta-model")
-    solved = solved_designs(bench, study) if solved is None else solved
-    model: MetaModel = bench.build("meta_model", config)
+    solved = solved_designs(context, study) if solved is None else solved
+    model: MetaModel = context.build("meta_model", config)
     designs = solved.designs
     unread = unread_by_meta_model(
         designs, solved.source, study.need("family", "a meta-model"), study.material
     )
     if unread:
-        bench.progress.note(unread)
+        context.progress.note(unread)
     parts = cross_validation_folds(designs, config.folds, model.fewest, "folds" in config.model_fields_set)
 
     def compute(partial: Path) -> dict[str, Any]:
-        misses = misses_left_out(model, designs, parts, partial, bench.progress)
+        misses = misses_left_out(model, designs, parts, partial, context.progress)
         started = time.perf_counter()
         fitted = model.fit(designs)
         fit_s = time.perf_counter() - started
@@ -124,10 +126,10 @@ def meta_model_stage(bench: RunContext, study: Study, solved: SourcedDesigns | N
         }
 
     settings = {name: value for name, value in content(config).items() if name not in NOT_FITTED}
-    artifact = bench.make(
+    artifact = context.make(
         "meta",
         compute,
-        components=[bench.component("meta_model", config)],
+        components=[context.component("meta_model", config)],
         modules=["pliant_designs.stage"],
         config={
             "meta_model": settings,
@@ -162,18 +164,18 @@ def unread_by_meta_model(
     return unread_sentence(unread, family, material, source)
 
 
-def unseen_laws(bench: RunContext, study: Study, families: Sequence[FamilyConfig]) -> list[LawStage]:
+def unseen_laws(context: RunContext, study: Study, families: Sequence[FamilyConfig]) -> list[LawStage]:
     """Return the laws of designs by the study's meta-model, their range being checked before it is fitted."""
-    solved = solved_designs(bench, study)
+    solved = solved_designs(context, study)
     d, config = solved.designs, study.need("meta_model", "a meta-model")
     for family in families:
         design_values(d.names, d.box, d.fixed, family, study.material, config.extrapolate)
-    stage = meta_model_stage(bench, study, solved)
-    return [meta_model_law(bench, stage, family, study.material) for family in families]
+    stage = meta_model_stage(context, study, solved)
+    return [meta_model_law(context, stage, family, study.material) for family in families]
 
 
 def meta_model_law(
-    bench: RunContext, stage: MetaModelStage, family: FamilyConfig, material: MaterialConfig | None
+    context: RunContext, stage: MetaModelStage, family: FamilyConfig, material: MaterialConfig | None
 ) -> LawStage:
     """Return the law of a design from its parameters only.
 
@@ -194,15 +196,15 @@ def meta_model_law(
             "report": left_out_report(stage, law, values),
         }
 
-    artifact = bench.make(
+    artifact = context.make(
         "unseen",
         compute,
-        components=[bench.component("meta_model", stage.config)],
+        components=[context.component("meta_model", stage.config)],
         modules=["pliant_designs.stage"],
         config={"values": values.tolist()},
         inputs={"meta": stage.artifact.key},
     )
-    law = read_law(bench.build("meta_model", stage.config), artifact.value)
+    law = read_law(context.build("meta_model", stage.config), artifact.value)
     return LawStage(law, artifact.value["report"], artifact, None)
 
 

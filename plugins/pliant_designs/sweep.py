@@ -137,12 +137,12 @@ class SweepRun:
 
 
 def sweep_study(
-    bench: RunContext, study: Study, *, executor: Workers = None, workers: int | None = None
+    context: RunContext, study: Study, *, executor: Workers = None, workers: int | None = None
 ) -> SweepRun:
     """Return the FEM data of each design of the study's sweep.
 
     Args:
-        bench: plugins, store, progress. Workers other than this process open the same store by its path.
+        context: plugins, store, progress. Workers other than this process open the same store by its path.
         study: has `sweep`, `family`, `material` and `fem`.
         executor: any `concurrent.futures.Executor`, which is not shut down; or the address of a dask scheduler.
         workers: number of local processes instead; 1 solves in this process. Default: the study's, or one per CPU.
@@ -157,26 +157,26 @@ def sweep_study(
     chosen = study.resolve_workers(either(executor, workers, "a sweep"))
     if isinstance(chosen, int):
         checked_workers(chosen)
-    bench = replace(bench, progress=Once(bench.progress))
-    bench.build("fem", fem)
-    bench.build("material", study.material)  # type: ignore[arg-type]
-    outcomes, missing = _planned(bench, study, sweep_designs(study))
+    context = replace(context, progress=Once(context.progress))
+    context.build("fem", fem)
+    context.build("material", study.material)  # type: ignore[arg-type]
+    outcomes, missing = _planned(context, study, sweep_designs(study))
     possible = sum(outcome.status == "done" for outcome in outcomes.values()) + len(missing)
-    bar = bench.progress.begin("designs", possible, done=possible - len(missing))
+    bar = context.progress.begin("designs", possible, done=possible - len(missing))
     try:
         if missing:
             with executor_for(chosen, len(missing)) as running:
-                outcomes |= _run(bench, study, missing, running, bar)
+                outcomes |= _run(context, study, missing, running, bar)
     finally:
         bar.finish()
     for outcome in outcomes.values():
         if outcome.key:  # workers do not have the study
-            bench.store.uses.note("fem", outcome.key)
+            context.store.uses.note("fem", outcome.key)
     return SweepRun(study, tuple(outcomes[n] for n in sorted(outcomes)), time.perf_counter() - started)
 
 
 def _run(
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     missing: Mapping[int, tuple[SweptDesign, str]],
     executor: Executor,
@@ -184,7 +184,7 @@ def _run(
 ) -> dict[int, DesignOutcome]:
     """Submit jobs and collect answers until all are done; return outcomes by number."""
     outcomes: dict[int, DesignOutcome] = {}
-    root = bench.store.root
+    root = context.store.root
 
     def take(one: Finished[SweepJob, WorkerOutcome], queue: JobQueue[SweepJob, WorkerOutcome]) -> None:
         number = one.item.number
@@ -194,7 +194,7 @@ def _run(
         else:
             answer = one.unwrap()
         for note in answer.notes:
-            bench.progress.note(note)
+            context.progress.note(note)
         if answer.status == "stop":
             raise UserError(answer.cause)
         if answer.status == "busy":  # another sweep is solving it: submit it again and wait for it
@@ -266,10 +266,10 @@ class _Looking(ArtifactStore):
 
 
 def _planned(
-    bench: RunContext, study: Study, designs: tuple[SweptDesign, ...]
+    context: RunContext, study: Study, designs: tuple[SweptDesign, ...]
 ) -> tuple[dict[int, DesignOutcome], dict[int, tuple[SweptDesign, str]]]:
     """Return by number the designs that are in the store or refused, and those to solve with their keys."""
-    looking = replace(bench, store=_Looking(bench.store.root))
+    looking = replace(context, store=_Looking(context.store.root))
     known: dict[int, DesignOutcome] = {}
     missing: dict[int, tuple[SweptDesign, str]] = {}
     for design in designs:

@@ -90,14 +90,14 @@ def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> WorkerOutc
     return WorkerOutcome(status, cause, time.perf_counter() - started, notes, parcel)
 
 
-def _solved(job: SweepJob, bench: RunContext) -> tuple[Status, str]:
+def _solved(job: SweepJob, context: RunContext) -> tuple[Status, str]:
     """Return status and cause; raise `UserError` for mistakes that affect every design."""
     try:
         family, material, fem = (
-            bench.registry.config_model(interface, config).model_validate(config)
+            context.registry.config_model(interface, config).model_validate(config)
             for interface, config in job.configs.items()
         )
-        made = fem_stage(bench, family, material, fem)  # type: ignore[arg-type]
+        made = fem_stage(context, family, material, fem)  # type: ignore[arg-type]
     except InvalidDesignError as error:
         return "refused", str(error)
     except NotReachedError as error:

@@ -51,14 +51,14 @@ class UnseenDesigns:
             changed = varied(family, parameters or {})
         except ValidationError as error:
             raise UserError(sentences(error, type(family), lambda path: "", ("family",))) from None
-        self.opened.bench.build("family", changed)
+        self.opened.context.build("family", changed)
         return self.stage.law(self.stage.values(changed, study.material))  # type: ignore[arg-type]
 
     def next(self, count: int = 1) -> list[Proposal]:
         """Return the designs to solve next, best first."""
-        return designs_to_solve(self.opened.bench, self.opened.study, self.stage, count)
+        return designs_to_solve(self.opened.context, self.opened.study, self.stage, count)
 
 
 def meta_model(opened: OpenStudy) -> UnseenDesigns:
     """Return the study's meta-model, after solving its designs if necessary."""
-    return UnseenDesigns(opened, meta_model_stage(opened.bench, opened.study))
+    return UnseenDesigns(opened, meta_model_stage(opened.context, opened.study))

@@ -43,18 +43,18 @@ ACTS = {
 }
 
 
-def rest_surface(bench: RunContext, study: Study, part: str, scale: float) -> TriangleMesh:
+def rest_surface(context: RunContext, study: Study, part: str, scale: float) -> TriangleMesh:
     """Return the surface of the study's chain at rest, or of one module, without inner walls between pieces."""
     if not (scale > 0 and math.isfinite(scale)):
         raise UserError(f"--scale {scale:g} is no scale; 1000 writes millimetres.")
     if part == "module":
-        family = bench.build("family", study.need("family", "the STL of a module"))
+        family = context.build("family", study.need("family", "the STL of a module"))
         return welded(seen_surface(family).whole)
     if part != "chain":
         raise UserError(f"--part {part} is neither 'chain' nor 'module'.")
     study.need("chain", "the STL of a chain")
-    check_study(bench, study)
-    chain = drawn_chain(bench, StudyRun(study, build_study_laws(bench, study)))
+    check_study(context, study)
+    chain = drawn_chain(context, StudyRun(study, build_study_laws(context, study)))
     return welded(surface_at_rest(chain))
 
 
@@ -107,7 +107,7 @@ def export(
         _export_reachable(here, loaded, out)
         return
     if wanted == STL:
-        surface = rest_surface(here.bench(), loaded, part, scale)
+        surface = rest_surface(here.context(), loaded, part, scale)
         check_writable(out.parent)
         write_stl(surface, out, scale)
         here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
@@ -123,14 +123,14 @@ def export(
     engine = find_writer(here.registry, out, form)
     loaded.need("chain", "an export")
     check_writable(out.parent)
-    bench = here.bench()
-    carried = carried_chain(bench, loaded, mounted=True)
+    context = here.context()
+    carried = carried_chain(context, loaded, mounted=True)
     if part == "scene":
-        files = _write_scene(bench, loaded, carried, engine, out)
+        files = _write_scene(context, loaded, carried, engine, out)
     else:
-        looks = drawn_chain(bench, StudyRun(loaded, build_study_laws(bench, loaded)))
+        looks = drawn_chain(context, StudyRun(loaded, build_study_laws(context, loaded)))
         files = engine.export(carried.chain, out, looks)
-        own = _study_engine(bench, loaded)
+        own = _study_engine(context, loaded)
         files += (_write_check(loaded, carried, files, settled_states(carried.chain, own), own.config.kind),)
     here.result.update({"files": list(files), "format": engine.export_format, "left_out": carried.left_out})
     beside = [file for file in files[1:] if file.parent == out.parent]
@@ -169,7 +169,7 @@ def _export_reachable(here: Session, study: Study, out: Path) -> None:
     study.need("chain", "a reachable set")
     check_writable(out.parent)
     bounds = getattr(study.task, "bounds", None)  # of the task reach
-    inverse = api.inverse(api.OpenStudy(study, here.bench()), bounds)
+    inverse = api.inverse(api.OpenStudy(study, here.context()), bounds)
     found, picture = inverse.reachable, out.with_suffix(".png")
     found.write(out)
     write_still(reachable_chart(found, inverse.bounds), picture)
@@ -190,12 +190,12 @@ def _export_reachable(here: Session, study: Study, out: Path) -> None:
         here.say(f"{outside} of them lie beyond the data of a law.")
 
 
-def _study_engine(bench: RunContext, study: Study) -> PhysicsBackend:
+def _study_engine(context: RunContext, study: Study) -> PhysicsBackend:
     """Return the study's engine, or the default one if that is not installed."""
     try:
-        engine: PhysicsBackend = bench.build("physics", study_physics(bench, study))
+        engine: PhysicsBackend = context.build("physics", study_physics(context, study))
     except MissingDependencyError:
-        engine = bench.build("physics", study_physics(bench, study.model_copy(update={"physics": None})))
+        engine = context.build("physics", study_physics(context, study.model_copy(update={"physics": None})))
     return engine
 
 
@@ -222,18 +222,18 @@ def _write_check(
 
 
 def _write_scene(
-    bench: RunContext, study: Study, carried: Carried, engine: ExportBackend, out: Path
+    context: RunContext, study: Study, carried: Carried, engine: ExportBackend, out: Path
 ) -> tuple[Path, ...]:
     """Write the scene of the study's task and its check file, which has no equilibria.
 
     The scene has the settings of the study's engine if that engine writes the format.
     """
-    task: Task | SceneTask = bench.build("task", study.need("task", "a scene"))
+    task: Task | SceneTask = context.build("task", study.need("task", "a scene"))
     if not isinstance(task, SceneTask):
         raise UserError(
             f"task '{task.config.kind}' has no scene; give a task with contact, such as 'grasp', or leave --part out."
         )
-    own: PhysicsBackend = bench.build("physics", study_physics(bench, study))
+    own: PhysicsBackend = context.build("physics", study_physics(context, study))
     if isinstance(own, SceneExportBackend) and own.export_format == engine.export_format:
         engine = own
     if not isinstance(engine, SceneExportBackend):
@@ -247,9 +247,9 @@ def _write_scene(
 def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
     """Write the law alone; the study needs no chain."""
     check_writable(out.parent)
-    bench = here.bench()
-    carried = carried_chain(bench, study, mounted=True) if study.chain is not None else None
-    laws = carried.chain.laws if carried else [stages.law.law for stages in build_study_laws(bench, study)]
+    context = here.context()
+    carried = carried_chain(context, study, mounted=True) if study.chain is not None else None
+    laws = carried.chain.laws if carried else [stages.law.law for stages in build_study_laws(context, study)]
     files = write_laws(laws, out, form)
     left_out = carried.left_out if carried else tuple(effect.kind for effect in study.effects)
     checks = [

@@ -63,26 +63,26 @@ def optimize(
     check_writable(folder)
     if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
         raise UserError(f"the best design would be written over {study}; give another --out.")
-    bench = here.bench()
-    made = search_study(bench, loaded, executor=chosen)
+    context = here.context()
+    made = search_study(context, loaded, executor=chosen)
     here.result["study"], here.result["out"] = loaded.name, str(folder)
     here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-    _write_folder(here, bench, made, loaded, folder, full)
+    _write_folder(here, context, made, loaded, folder, full)
     if not made.value.best:
         raise nothing_found(made.value)
 
 
 def _write_folder(
-    here: Session, bench: RunContext, made: Artifact, study: Study, folder: Path, full: bool
+    here: Session, context: RunContext, made: Artifact, study: Study, folder: Path, full: bool
 ) -> None:
     """Write all files of a search's folder and print the summary; the files of an earlier search are removed."""
     result: SearchResult = made.value
     searched = _last_round(study, result, folder)
-    problem = build_search_problem(bench, searched)
-    engine: str = study_physics(bench, study).kind
+    problem = build_search_problem(context, searched)
+    engine: str = study_physics(context, study).kind
     here.show(search_document(study.canonical(), result, engine=engine))
     write_history(result, folder / HISTORY)
-    exported = copy_exported(result.files, files_folder(bench, made), folder)
+    exported = copy_exported(result.files, files_folder(context, made), folder)
     here.result["files"] = [str(file) for file in exported]
     for old in (folder / BEST, *folder.glob("best-*.yaml")):
         old.unlink(missing_ok=True)
@@ -92,7 +92,7 @@ def _write_folder(
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
         if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
-    page = write_search_page(folder, study, result, drawn_designs(bench, searched, problem, result))
+    page = write_search_page(folder, study, result, drawn_designs(context, searched, problem, result))
     here.result["report"] = str(page)
     here.say(f"report   {page}")
     write_atomically(folder / RESULT, dumps(plain(here.result), indent=1, allow_nan=False))
@@ -142,21 +142,21 @@ OF_CONDITIONS = 6
 
 
 def drawn_designs(
-    bench: RunContext, study: Study, problem: SearchProblem, result: SearchResult
+    context: RunContext, study: Study, problem: SearchProblem, result: SearchResult
 ) -> list[DrawnDesign]:
     """Return the best design of each condition, of the search, or a selection from a front; empty without a design.
 
     A design that cannot be simulated again is left out, and a note gives the reason.
     """
-    path, found = FastPath(bench, study), []
+    path, found = FastPath(context, study), []
     for label, design, condition in _chosen(problem, result):
         winner = problem.apply(design.values, condition)
-        scene = isinstance(bench.build("task", winner.noisy_task()), SceneTask)
+        scene = isinstance(context.build("task", winner.noisy_task()), SceneTask)
         try:
             answer = path.result(winner)
             chain = None if scene else path.chain(winner, shapes=True)
         except PliantError as error:
-            bench.progress.note(f"the picture of '{label}' is missing: {error}")
+            context.progress.note(f"the picture of '{label}' is missing: {error}")
             continue
         found.append(DrawnDesign.from_result(label, chain, answer))
     return found

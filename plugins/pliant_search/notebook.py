@@ -17,9 +17,9 @@ from pliant_search.stage import search_study
 
 def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> Result[SearchResult]:
     """Run the study's search and check the best design: `pliant optimize`; see `search_study` for the workers."""
-    bench, study = opened.bench, opened.study
-    result: SearchResult = search_study(bench, study, executor=executor, workers=workers).value
-    engine = study_physics(bench, study).kind
+    context, study = opened.context, opened.study
+    result: SearchResult = search_study(context, study, executor=executor, workers=workers).value
+    engine = study_physics(context, study).kind
 
     def document() -> Document:
         return search_document(study.canonical(), result, engine=engine)

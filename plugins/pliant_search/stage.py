@@ -42,12 +42,12 @@ STAGE, JOURNALS, FILES = "search", "search_journals", "search_files"
 
 
 def search_study(
-    bench: RunContext, study: Study, executor: Workers = None, workers: int | None = None
+    context: RunContext, study: Study, executor: Workers = None, workers: int | None = None
 ) -> Artifact:
     """Run a study's search, analyse the best design and check it by direct FEM.
 
     Args:
-        bench: plugins, store, progress. Workers other than this process open the same store by its path.
+        context: plugins, store, progress. Workers other than this process open the same store by its path.
         study: has `search`, `chain` and `task`; `optimizer` is cmaes by default.
         executor: any `concurrent.futures.Executor`, which is not shut down; or the address of a dask scheduler.
         workers: number of local processes instead; 1 evaluates in this process. By default the study's number, or
@@ -61,75 +61,75 @@ def search_study(
         NotReachedError: the executor broke, or processes cannot be started.
     """
     chosen = study.resolve_workers(either(executor, workers, "a search"))
-    bench = replace(bench, progress=Once(bench.progress))
+    context = replace(context, progress=Once(context.progress))
     study.need("search", "'pliant optimize'")
     if study.block("optimizer") is None:
-        config = bench.registry.get("optimizer", DEFAULT_OPTIMIZER).config_model()(kind=DEFAULT_OPTIMIZER)
+        config = context.registry.get("optimizer", DEFAULT_OPTIMIZER).config_model()(kind=DEFAULT_OPTIMIZER)
         study = study.model_copy(update={"optimizer": config})
-    problem = _checked(bench, study)
+    problem = _checked(context, study)
     space = require_feasible(problem, problem.config.seed)
     # Keys that cannot be varied, or leave the meta-model's range, are reported before the nominal search.
     robust = problem.config.robust is not None
     tolerances = (
-        tolerance_notes(bench, problem, evaluator_from_study(bench, study).scenarios) if robust else []
+        tolerance_notes(context, problem, evaluator_from_study(context, study).scenarios) if robust else []
     )
-    for note in (*problem.start_notes(), space.note(), *tolerances, *_optimizer_remarks(bench, problem)):
+    for note in (*problem.start_notes(), space.note(), *tolerances, *_optimizer_remarks(context, problem)):
         if note:
-            bench.progress.note(note)
+            context.progress.note(note)
     with executor_for(chosen) as running:
-        made = _searched(bench, study, running)
+        made = _searched(context, study, running)
         result: SearchResult = made.value
         if problem.config.verify is None or not result.best:
             return made
-        engine, first = study_physics(bench, study).kind, made
-        made, problem, result = _rounds(bench, problem, made, engine, running)
+        engine, first = study_physics(context, study).kind, made
+        made, problem, result = _rounds(context, problem, made, engine, running)
 
         def check(one: SearchResult) -> SearchResult:
-            return replace(one, verification=checked(bench, problem.study, problem, one, made.key, running))
+            return replace(one, verification=checked(context, problem.study, problem, one, made.key, running))
 
         result = _that_holds(check, problem, result, engine)
     return replace(made, value=result, cached=first.cached and made.cached)
 
 
-def _optimizer_remarks(bench: RunContext, problem: SearchProblem) -> Sequence[str]:
+def _optimizer_remarks(context: RunContext, problem: SearchProblem) -> Sequence[str]:
     """Return what the optimizer says on its keys before a search of this length."""
-    optimizer = bench.build("optimizer", problem.study.need("optimizer", "a search"))
+    optimizer = context.build("optimizer", problem.study.need("optimizer", "a search"))
     config = problem.config
     return optimizer.remarks(None if config.generations is not None else config.budget)
 
 
 def _rounds(
-    bench: RunContext, problem: SearchProblem, made: Artifact, engine: str, running: Executor
+    context: RunContext, problem: SearchProblem, made: Artifact, engine: str, running: Executor
 ) -> tuple[Artifact, SearchProblem, SearchResult]:
     """Search again with FEM of the refused best design, up to `verify.rounds` times; return the last checked search."""
     rounds: list[SearchRound] = []
     most = problem.config.verify.rounds if problem.config.verify else 0
     while True:
         result: SearchResult = made.value
-        check = checked(bench, problem.study, problem, result, made.key, running)
+        check = checked(context, problem.study, problem, result, made.key, running)
         result = replace(result, verification=check, rounds=tuple(rounds))
         broken = check.broken.get(engine, {}) if check is not None else {}
         if check is None or not broken or not check.laws or not _one_best(result) or len(rounds) == most:
             return made, problem, result
-        following = with_checked(bench, problem, result.best)
+        following = with_checked(context, problem, result.best)
         if following is None or following.block("meta_model") is None:
-            bench.progress.note("no further round: the meta-model has the FEM of this design already.")
+            context.progress.note("no further round: the meta-model has the FEM of this design already.")
             return made, problem, result
         worst = max(float(law.get("worst_of_range", nan)) for law in check.laws)
         table = str(following.block("meta_model").data)
         rounds.append(SearchRound(result.best[0], broken, worst, result.evaluations, table))
-        bench.progress.note(
+        context.progress.note(
             f"round {len(rounds)} of {most}: by direct FEM the best design breaks {', '.join(broken)}; searching on "
             "with its FEM among the meta-model's data."
         )
         earlier = (result.best[0], *islice(next_best(problem, result, check, engine), EARLIER))
-        again = _searched(bench, following, running, earlier, made.key)
+        again = _searched(context, following, running, earlier, made.key)
         if not again.value.best:
-            bench.progress.note(
+            context.progress.note(
                 "the round found no design that keeps the constraints; the search before it stands."
             )
             return made, problem, result
-        made, problem = again, build_search_problem(bench, following)
+        made, problem = again, build_search_problem(context, following)
 
 
 def _that_holds(
@@ -166,25 +166,25 @@ def last_round(study: Study, result: SearchResult) -> Study:
     return study.model_copy(update={"meta_model": model, "sweep": None})
 
 
-def files_folder(bench: RunContext, artifact: Artifact) -> Path:
+def files_folder(context: RunContext, artifact: Artifact) -> Path:
     """Return the folder of the files that the optimizer exported (`SearchResult.files`)."""
-    return bench.store.root / FILES / artifact.key
+    return context.store.root / FILES / artifact.key
 
 
-def _checked(bench: RunContext, study: Study) -> SearchProblem:
+def _checked(context: RunContext, study: Study) -> SearchProblem:
     """Return the problem after checks of everything that would otherwise fail only after hours."""
     study.need("chain", "a search")
     study.need("task", "a search")
     for key in ("optimizer", "physics", "task"):
         if getattr(study, key) is not None:
-            bench.build(key, getattr(study, key))
-    problem = build_search_problem(bench, study)
+            context.build(key, getattr(study, key))
+    problem = build_search_problem(context, study)
     if not {("task", "kind"), ("physics", "kind")} & set_by_search(problem):
-        check_engines(bench, study, study_physics(bench, study))
-    _require_measured(bench, problem)
-    _require_choosable(bench, study, problem)
+        check_engines(context, study, study_physics(context, study))
+    _require_measured(context, problem)
+    _require_choosable(context, study, problem)
     check_verifiable(study, problem.registry)
-    require_reachable(problem, bench)
+    require_reachable(problem, context)
     return problem
 
 
@@ -194,22 +194,22 @@ def set_by_search(problem: SearchProblem) -> set[KeyPath]:
     return {key for one in problem.variables for key in one.keys} | conditions
 
 
-def _require_measured(bench: RunContext, problem: SearchProblem) -> None:
+def _require_measured(context: RunContext, problem: SearchProblem) -> None:
     """Raise `UserError` if a formula names a metric that the task, as far as it declares its metrics, lacks."""
     if ("task", "kind") not in set_by_search(problem):
-        measured = bench.build("task", problem.study.need("task", "a search")).measures()
+        measured = context.build("task", problem.study.need("task", "a search")).measures()
         if measured:
             problem.require_metrics(dict.fromkeys((*measured, *OF_EVERY_TASK), 0.0))
 
 
-def _require_choosable(bench: RunContext, study: Study, problem: SearchProblem) -> None:
+def _require_choosable(context: RunContext, study: Study, problem: SearchProblem) -> None:
     """Raise `UserError` where the optimizer, `confirm` or `halving` cannot choose among candidates or searches."""
     config, kind = problem.config, study.need("optimizer", "a search").kind
     several = len(problem.objective_names) > 1
-    capabilities = bench.registry.get("optimizer", kind).implementation_class().capabilities
+    capabilities = context.registry.get("optimizer", kind).implementation_class().capabilities
     if several and not capabilities.several_objectives:
         able = []
-        for one in bench.registry.by_interface("optimizer"):
+        for one in context.registry.by_interface("optimizer"):
             try:
                 if not one.missing() and one.implementation_class().capabilities.several_objectives:
                     able.append(one.kind)
@@ -245,7 +245,7 @@ def _require_choosable(bench: RunContext, study: Study, problem: SearchProblem) 
 
 
 def _searched(
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     executor: Executor,
     earlier: Sequence[FoundDesign] = (),
@@ -254,20 +254,20 @@ def _searched(
     """Return the search as an artifact; a robust search runs the nominal search first.
 
     Args:
-        bench, study, executor: as for `search_study`.
+        context, study, executor: as for `search_study`.
         earlier: of a later round: designs of the previous round, which is the artifact `after`.
         after: its key.
     """
     config = study.need("search", "a search")
     inputs: dict[str, str] = {"round_before": after} if after else {}
     if study.block("meta_model") is not None and study.family is not None:
-        inputs["meta_model"] = meta_model_stage(bench, study).artifact.key
+        inputs["meta_model"] = meta_model_stage(context, study).artifact.key
     continued, before = dict(inputs), None
     if config.robust is not None and config.robust.compare:
         plain = study.model_copy(update={"search": config.model_copy(update={"robust": None})})
-        nominal = _searched(bench, plain, executor)
+        nominal = _searched(context, plain, executor)
         before, inputs["nominal"] = nominal.value, nominal.key
-    problem, components = build_search_problem(bench, study), search_components(bench, study)
+    problem, components = build_search_problem(context, study), search_components(context, study)
     # What it may be continued from. The nominal search has its own budget; the robust one depends only on its
     # starting point.
     known = (*(before.best if before is not None else ()), *earlier)
@@ -275,13 +275,13 @@ def _searched(
     places = [place.partition(":")[0] for c in components for place in (c.config, c.implementation)]
     parts = [search_content(study, ENDS), continued, begun, code_fingerprint([*MODULES, *places])]
     digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
-    kept = bench.store.root / JOURNALS / digest
+    kept = context.store.root / JOURNALS / digest
 
     def compute(partial: Path) -> SearchResult:
         if take_journals(kept, partial):
-            bench.progress.note("going on from the journal of the same search with another budget.")
-        result = Search(bench, study, problem, executor, partial, before, earlier).result()
-        exported, files = partial / EXPORT, bench.store.root / FILES / partial.name.removesuffix(".partial")
+            context.progress.note("going on from the journal of the same search with another budget.")
+        result = Search(context, study, problem, executor, partial, before, earlier).result()
+        exported, files = partial / EXPORT, context.store.root / FILES / partial.name.removesuffix(".partial")
         names = sorted(
             file.relative_to(exported).as_posix() for file in exported.rglob("*") if file.is_file()
         )
@@ -292,7 +292,7 @@ def _searched(
         keep_journals(partial, kept)
         return replace(result, files=tuple(names))
 
-    return bench.make(
+    return context.make(
         STAGE,
         compute,
         components=components,

@@ -30,7 +30,7 @@ def search_content(study: Study, without: Sequence[str]) -> dict[str, Any]:
     return plain | arm_content(study)
 
 
-def search_components(bench: RunContext, study: Study, also: Sequence[str] = ()) -> list[Component]:
+def search_components(context: RunContext, study: Study, also: Sequence[str] = ()) -> list[Component]:
     """Return the plugins whose code the search depends on; `also` are engines in addition to the study's own."""
     interfaces = kind_blocks()
     wanted = {
@@ -54,4 +54,4 @@ def search_components(bench: RunContext, study: Study, also: Sequence[str] = ())
         wanted.add(("physics", DEFAULT_PHYSICS))
     if study.surrogate is None and study.family is not None:
         wanted.add(("surrogate", DEFAULT_SURROGATE))
-    return [bench.registry.get(interface, kind) for interface, kind in sorted(wanted)]
+    return [context.registry.get(interface, kind) for interface, kind in sorted(wanted)]

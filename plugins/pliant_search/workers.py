@@ -37,9 +37,13 @@ class Setup:
     confirm: bool = False
 
     @classmethod
-    def from_study(cls, bench: RunContext, study: Study, executor: Executor, confirm: bool = False) -> Setup:
+    def from_study(
+        cls, context: RunContext, study: Study, executor: Executor, confirm: bool = False
+    ) -> Setup:
         """Return the setup of a searched study; remote workers compare their code with that of this process."""
-        return cls(RemoteStudy.from_study(bench, study, MODULES if executor.remote else ()), confirm=confirm)
+        return cls(
+            RemoteStudy.from_study(context, study, MODULES if executor.remote else ()), confirm=confirm
+        )
 
 
 def trial_queue(executor: Executor, setup: Setup, here: Evaluates) -> JobQueue[Trial, Trial]:

@@ -78,18 +78,18 @@ def render(
     loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
     loaded.need("task", "a picture")
     check_writable(out.parent)
-    bench = here.bench()
+    context = here.context()
     drawer = here.registry.get("viewer", viewer)
     built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
-    done = simulate_study(bench, loaded)
+    done = simulate_study(context, loaded)
     started = time.perf_counter()
     if backbone:
         _write_backbone(done, out)
         count = 1
     else:
-        motion = run_motion(bench, done)
+        motion = run_motion(context, done)
         times = _times(motion, fps, at_s, seconds, ending)
-        count = _write_film(bench, built, motion, times, pixels, view, fps, out)
+        count = _write_film(context, built, motion, times, pixels, view, fps, out)
     wall_s = time.perf_counter() - started
     here.result.update({"out": out, "pictures": count, "size": pixels, "wall_s": wall_s})
     here.say(f"written  {out}   ({count} picture{'s' * (count > 1)}, {count / wall_s:.1f} per second)")
@@ -166,7 +166,7 @@ def _times(motion: Motion, fps: float, at_s: float | None, seconds: float | None
 
 
 def _write_film(
-    bench: RunContext,
+    context: RunContext,
     viewer: Viewer,
     motion: Motion,
     times: Array,
@@ -179,7 +179,7 @@ def _write_film(
 
     # The camera shows the whole motion, even if one instant of it is drawn.
     shown = Motion(motion.scene, at_times(motion.frames, times), motion.frames)
-    work = bench.progress.begin(f"drawing {out.name}", len(times))
+    work = context.progress.begin(f"drawing {out.name}", len(times))
 
     def counted() -> Iterator[NDArray[np.uint8]]:
         for picture in viewer.pictures(shown, size, view):
@@ -215,18 +215,18 @@ def view(
     built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
     built.require_display()
     loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
-    bench = here.bench()
-    scene = loaded.task is not None and isinstance(bench.build("task", loaded.task), SceneTask)
+    context = here.context()
+    scene = loaded.task is not None and isinstance(context.build("task", loaded.task), SceneTask)
     if replay or scene:
-        built.show(run_motion(bench, simulate_study(bench, loaded)))
+        built.show(run_motion(context, simulate_study(context, loaded)))
     else:
-        _drive(bench, loaded, built)
+        _drive(context, loaded, built)
 
 
-def _drive(bench: RunContext, study: Study, viewer: Viewer) -> None:
-    chain, backend, _ = prepared_chain(bench, study)
+def _drive(context: RunContext, study: Study, viewer: Viewer) -> None:
+    chain, backend, _ = prepared_chain(context, study)
     highest = highest_actuation(study, chain)
-    looks = drawn_chain(bench, StudyRun(study, build_study_laws(bench, study)))
+    looks = drawn_chain(context, StudyRun(study, build_study_laws(context, study)))
     with backend.build(chain) as simulation:
         rest = simulation.snapshot()
         names = dict.fromkeys(actuator.input for actuator in chain.actuators)

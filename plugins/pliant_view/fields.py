@@ -53,7 +53,7 @@ def field_targets(data: ModuleData, which: Which) -> list[StateTarget]:
 
 
 def solve_fields(
-    bench: RunContext,
+    context: RunContext,
     family: FamilyConfig,
     material: MaterialConfig,
     fem: FemConfig,
@@ -63,9 +63,9 @@ def solve_fields(
 
     States that are not reached are reported and omitted. Raises `UserError` if the backend provides no fields.
     """
-    built: ActuatorFamily = bench.build("family", family)
-    backend: FEMBackend = bench.build("fem", fem)
-    substance: Material = bench.build("material", material)
+    built: ActuatorFamily = context.build("family", family)
+    backend: FEMBackend = context.build("fem", fem)
+    substance: Material = context.build("material", material)
     problems = module_problems(built, fem.refinement)
     needed = [name for name in problems if name == MAIN or any(t.piece == name for t in targets)]
     pieces = {
@@ -73,9 +73,9 @@ def solve_fields(
         for name, p in problems.items()
         if name in needed
     }
-    bar = bench.progress.begin("fields", len(targets) + len(pieces))
+    bar = context.progress.begin("fields", len(targets) + len(pieces))
     with tempfile.TemporaryDirectory() as folder:
-        walk = SamplingRun(pieces, StateCache(Path(folder), bench.progress.note), bar)
+        walk = SamplingRun(pieces, StateCache(Path(folder), context.progress.note), bar)
         try:
             for name, piece in pieces.items():
                 state = walk.rest(name)
@@ -87,7 +87,7 @@ def solve_fields(
                 if found is not None:
                     yield SolvedFields(found, piece.solver.fields(found), dict(target.held), piece.axes)
                 else:
-                    bench.progress.note(f"no fields of a state: {walk.failed[-1]['cause']}")
+                    context.progress.note(f"no fields of a state: {walk.failed[-1]['cause']}")
         finally:
             bar.finish()
 

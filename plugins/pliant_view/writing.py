@@ -42,7 +42,7 @@ def fields_writer(folder: Path, which: str) -> Callable[..., None]:
 
 def write_fields(
     here: Session,
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     artifacts: Sequence[Artifact],
     target: Path,
@@ -56,7 +56,9 @@ def write_fields(
         check_writable(folder)
         data: ModuleData = artifact.value
         targets = field_targets(data, which)
-        solved = solve_fields(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"), targets)
+        solved = solve_fields(
+            context, family, study.need("material", "FEM"), study.need("fem", "FEM"), targets
+        )
         with closing(solved), writing_in(folder):  # type: ignore[type-var]
             made += _write_states(folder, data, solved)
     here.result["fields"] = [str(path) for path in made]

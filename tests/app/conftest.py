@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pliant_app.desk import SessionController
+from pliant_app.controller import SessionController
 from pliant_app.folder import SessionFolder
 
 STUDY = """\
@@ -47,7 +47,7 @@ def bench(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def desk(bench: Path) -> SessionController:
+def controller(bench: Path) -> SessionController:
     """Return the session that `pliant app bend.yaml` opens."""
     made = SessionController(SessionFolder(bench / "session"), bench / "store")
     made.begin(bench / "bend.yaml", [])

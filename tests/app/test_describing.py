@@ -14,8 +14,8 @@ import pytest
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
+from pliant_app.controller import SessionController
 from pliant_app.describing import described, form
-from pliant_app.desk import SessionController
 from pliant_app.folder import SessionFolder
 from pliant_plugins.families.reference import FINGER
 
@@ -76,7 +76,7 @@ def test_a_stated_law_opens_the_model_that_its_study_opens(bench: Path) -> None:
     (made.folder.files / "bench.csv").write_text(recording())
     made.take("bench.csv")
     made.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
-    made.bench.wait()
+    made.runner.wait()
     assert made.state.pending is None and not made.said
     by_hand = SessionController(SessionFolder(bench / "other"), bench / "store")
     by_hand.begin(bench / "bend.yaml", [])
@@ -98,15 +98,15 @@ def test_states_that_are_being_solved_are_counted_and_can_be_stopped(
             begun.set()
             time.sleep(0.01)
 
-    monkeypatch.setattr("pliant_app.desk.build_study_chain", solve)
-    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
-    desk.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
+    monkeypatch.setattr("pliant_app.controller.build_study_chain", solve)
+    controller = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    controller.describe({"way": "law", "name": "bend", "weight": False, "surrogate": LAW, "chain": CHAIN})
     assert begun.wait(20)
-    assert re.match(r"FEM states: \d+ of about \d+", desk.pulse()["job"]["words"])
-    desk.stop()
-    desk.bench.wait()
-    assert len(solved) < 1000 and desk.state.pending is None and not desk.state.study
-    assert "stopped; what was solved is kept" in desk.said[-1]
+    assert re.match(r"FEM states: \d+ of about \d+", controller.status()["job"]["words"])
+    controller.stop()
+    controller.runner.wait()
+    assert len(solved) < 1000 and controller.state.pending is None and not controller.state.study
+    assert "stopped; what was solved is kept" in controller.said[-1]
 
 
 @pytest.mark.parametrize(
@@ -121,11 +121,11 @@ def test_states_that_are_being_solved_are_counted_and_can_be_stopped(
     ],
 )
 def test_what_cannot_be_is_said_and_leaves_no_file(tmp_path: Path, values: dict, says: str) -> None:
-    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    controller = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
     with pytest.raises(UserError, match=says) as refused:
-        desk.describe(values)
-    assert str(desk.folder.path) not in str(refused.value)
-    assert not list(desk.folder.files.iterdir()) and not desk.state.study
+        controller.describe(values)
+    assert str(controller.folder.path) not in str(refused.value)
+    assert not list(controller.folder.files.iterdir()) and not controller.state.study
 
 
 def test_form_texts_stay_texts() -> None:

@@ -13,7 +13,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from pliant_app.inbox import MOST_BYTES
+from pliant_app.uploads import MOST_BYTES
 
 from .conftest import recording
 from .page_user import opened

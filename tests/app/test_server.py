@@ -21,11 +21,11 @@ from pliant.report.chart import Chart, ChartAxis, ChartLine, Panel
 from pliant.report.document import Document, Picture, drawn, section
 from pliant.report.render import page
 from pliant.report.scene import DrawnScene
-from pliant_app import inbox
-from pliant_app.desk import SessionController
+from pliant_app import uploads
+from pliant_app.controller import SessionController
 from pliant_app.folder import SessionFolder
-from pliant_app.inbox import receive, safe_name
 from pliant_app.server import application
+from pliant_app.uploads import receive, safe_name
 
 from .conftest import STUDY, recording
 
@@ -35,8 +35,8 @@ MINE = {"x-pliant-token": TOKEN}
 
 @pytest.fixture
 def empty(tmp_path: Path) -> tuple[TestClient, SessionController]:
-    desk = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
-    return TestClient(application(desk, TOKEN), base_url="http://127.0.0.1:8642"), desk
+    controller = SessionController(SessionFolder(tmp_path / "session"), tmp_path / "store")
+    return TestClient(application(controller, TOKEN), base_url="http://127.0.0.1:8642"), controller
 
 
 @pytest.mark.parametrize(
@@ -54,21 +54,21 @@ def empty(tmp_path: Path) -> tuple[TestClient, SessionController]:
 def test_foreign_requests_are_refused(
     empty: tuple[TestClient, SessionController], headers: dict[str, str]
 ) -> None:
-    client, desk = empty
+    client, controller = empty
     for method, path in (("GET", "/api/view"), ("POST", "/api/example"), ("POST", "/api/upload?name=a.csv")):
         answer = client.request(method, path, headers=headers)
         assert answer.status_code == 403
         assert answer.text.startswith("Refused: ")
-    assert desk.state.study == ""
+    assert controller.state.study == ""
 
 
 def test_a_form_on_another_site_cannot_pass_the_token_in_the_address(
     empty: tuple[TestClient, SessionController],
 ) -> None:
-    client, desk = empty
+    client, controller = empty
     assert client.post(f"/api/example?token={TOKEN}").status_code == 403
     assert client.get(f"/?token={TOKEN}").status_code == 200
-    assert desk.state.study == ""
+    assert controller.state.study == ""
 
 
 def test_no_page_may_frame_it_and_no_foreign_script_runs(empty: tuple[TestClient, SessionController]) -> None:
@@ -80,8 +80,8 @@ def test_no_page_may_frame_it_and_no_foreign_script_runs(empty: tuple[TestClient
 def test_scripts_in_a_report_are_allowed_by_what_is_in_them(
     empty: tuple[TestClient, SessionController],
 ) -> None:
-    client, desk = empty
-    desk.folder.results.joinpath("a.html").write_text("<p>", "utf-8")
+    client, controller = empty
+    controller.folder.results.joinpath("a.html").write_text("<p>", "utf-8")
     policy = client.get("/result/a.html", headers=MINE).headers["content-security-policy"]
     allowed = re.search(r"script-src ([^;]*);", policy)
     assert allowed is not None and "unsafe" not in allowed[1] and "allow-same-origin" not in policy
@@ -101,7 +101,8 @@ def _moving_document() -> Document:
 
 
 @pytest.mark.parametrize(
-    "path", ["/static/../desk.py", "/static/%2e%2e/desk.py", "/static/", "/result/..%2fsession.json"]
+    "path",
+    ["/static/../controller.py", "/static/%2e%2e/controller.py", "/static/", "/result/..%2fsession.json"],
 )
 def test_nothing_but_its_own_files_is_served(empty: tuple[TestClient, SessionController], path: str) -> None:
     assert empty[0].get(path, headers=MINE).status_code == 404
@@ -127,9 +128,9 @@ def test_hostile_names_are_inert(empty: tuple[TestClient, SessionController]) ->
     for bad in ("", ".csv", "run.py", "x.html", "a.csv.exe", "../..", "a\0.so"):
         with pytest.raises(UserError):
             safe_name(bad)
-    client, desk = empty
+    client, controller = empty
     client.post("/api/upload?name=..%2f..%2fout.csv", headers=MINE, content=recording())
-    assert [one.name for one in desk.folder.files.iterdir()] == ["out.csv"]
+    assert [one.name for one in controller.folder.files.iterdir()] == ["out.csv"]
 
 
 @pytest.mark.parametrize(
@@ -144,7 +145,7 @@ def test_hostile_names_are_inert(empty: tuple[TestClient, SessionController]) ->
 def test_a_dropped_study_runs_nothing_and_stays_in_its_folder(
     empty: tuple[TestClient, SessionController], line: str
 ) -> None:
-    client, desk = empty
+    client, controller = empty
     text = STUDY.replace("measurements: {file: bench.csv}", line)
     answer = client.post("/api/upload?name=bend.yaml", headers=MINE, content=text)
     assert answer.status_code == 422
@@ -152,20 +153,20 @@ def test_a_dropped_study_runs_nothing_and_stays_in_its_folder(
         line.split(":")[0] in answer.json()["error"]
         or "leaves the session's folder" in answer.json()["error"]
     )
-    assert desk.state.study == "" and not list(desk.folder.files.iterdir())
+    assert controller.state.study == "" and not list(controller.folder.files.iterdir())
 
 
 def test_an_upload_is_bounded_whatever_it_declares(
     empty: tuple[TestClient, SessionController], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    client, desk = empty
+    client, controller = empty
     two_gb = {**MINE, "content-length": str(2 * 1024**3)}
     answer = client.post("/api/upload?name=big.csv", headers=two_gb, content=b"x")
     assert answer.status_code == 422 and "larger than 256 MB" in answer.json()["error"]
-    monkeypatch.setattr(inbox, "MOST_BYTES", 1000)
+    monkeypatch.setattr(uploads, "MOST_BYTES", 1000)
     answer = client.post("/api/upload?name=big.csv", headers=MINE, content=b"x" * 2000)
     assert answer.status_code == 422
-    assert not list(desk.folder.files.iterdir())
+    assert not list(controller.folder.files.iterdir())
 
 
 def test_a_body_that_breaks_off_leaves_no_file(tmp_path: Path) -> None:
@@ -188,7 +189,7 @@ def test_run_names_in_a_recording_stay_text(empty: tuple[TestClient, SessionCont
     answer = client.get("/api/curves", headers=MINE)
     assert answer.headers["content-type"] == "application/json"
     assert answer.json()["runs"][0]["name"] == "<script>alert(1)</script>"
-    page = (Path(inbox.__file__).parent / "static" / "page.js").read_text()
+    page = (Path(uploads.__file__).parent / "static" / "page.js").read_text()
     assert "innerHTML" not in page
 
 

@@ -347,7 +347,7 @@ def test_equal_grasps_are_equal_whoever_searches(tmp_path: Path) -> None:
 
 def test_the_small_gripper_study_can_be_searched(tmp_path: Path) -> None:
     opened = gripper_codesign.small()[0].opened(tmp_path, quiet=True)
-    problem = SearchProblem.from_study(gripper_codesign.few(opened.study), opened.bench.registry)
+    problem = SearchProblem.from_study(gripper_codesign.few(opened.study), opened.context.registry)
     assert [condition.name for condition in problem.conditions] == ["egg-5", "cylinder-4"]
     acts = {"egg-5": ["egg_inset"], "cylinder-4": ["cylinder_inset"]}
     assert gripper_bars.acting(problem) == acts

@@ -81,7 +81,7 @@ def test_protocols_in_the_study_are_the_menu(pliant, write, read) -> None:
     [
         (STUDY, (), "states no domain"),
         (STUDY + TASK + "protocols: [{run: slow_cycle}]\n", (), "did you mean 'slow_cycles'"),
-        (STUDY + TASK, ("--runs", "0"), "--runs is 0"),
+        (STUDY + TASK, ("--runs", "0"), "runs is 0"),
         (STUDY + TASK, ("--minutes", "-1"), "above 0"),
         (STUDY + TASK, ("--effect", "stifness"), "did you mean 'stiffness'"),
         (STUDY + TASK, ("--data", "none.csv"), "none.csv"),

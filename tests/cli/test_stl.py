@@ -51,8 +51,8 @@ def box(workplace: Path) -> Path:
 
 def drawn(study: Path, *overrides: str) -> TriangleMesh:
     opened = open_study(study, overrides)
-    run = StudyRun(opened.study, build_study_laws(opened.bench, opened.study))
-    return surface_at_rest(drawn_chain(opened.bench, run))
+    run = StudyRun(opened.study, build_study_laws(opened.context, opened.study))
+    return surface_at_rest(drawn_chain(opened.context, run))
 
 
 def test_the_module_stl_is_closed_and_weighs_what_the_module_weighs(pliant, study):
@@ -63,7 +63,7 @@ def test_the_module_stl_is_closed_and_weighs_what_the_module_weighs(pliant, stud
     assert json.loads(answer.out)["triangles"] == len(solid.faces)
     assert solid.is_watertight
     opened = open_study(study)
-    mass = opened.bench.build("family", opened.study.family).mass(1150.0)
+    mass = opened.context.build("family", opened.study.family).mass(1150.0)
     weight = mass.start.mass_kg + mass.end.mass_kg
     assert 1150 * solid.volume == pytest.approx(weight, rel=0.01)
     np.testing.assert_allclose(solid.extents[0], 11e-3, rtol=1e-5)

@@ -55,8 +55,8 @@ def test_what_cannot_work_is_said_with_its_line(write, written, said):
 
 def test_a_worker_has_no_workers(write, tmp_path):
     study = load_study(write(f"{STUDY}workers: 2\n"), REGISTRY)
-    bench = RunContext(REGISTRY, ArtifactStore(tmp_path / "store"))
-    assert "workers" not in json.loads(RemoteStudy.from_study(bench, study).study)
+    context = RunContext(REGISTRY, ArtifactStore(tmp_path / "store"))
+    assert "workers" not in json.loads(RemoteStudy.from_study(context, study).study)
 
 
 def test_a_sweep_is_done_by_them(write, tmp_path, monkeypatch):
@@ -68,7 +68,7 @@ def test_a_sweep_is_done_by_them(write, tmp_path, monkeypatch):
 
     monkeypatch.setattr(sweep, "executor_for", begun)
     study = load_study(write(f"{STUDY}sweep: {{wall: [1.4 mm, 1.6 mm]}}\nworkers: 2\n"), REGISTRY)
-    bench = RunContext(REGISTRY, ArtifactStore(tmp_path / "store", study.name))
+    context = RunContext(REGISTRY, ArtifactStore(tmp_path / "store", study.name))
     with pytest.raises(KeyboardInterrupt):
-        sweep.sweep_study(bench, study)
+        sweep.sweep_study(context, study)
     assert seen == [2]

@@ -114,7 +114,7 @@ def _exact(law):
 
 
 def replace_chain(predictor, chain):
-    return type(predictor)(predictor.bench, predictor.backend, chain, predictor.measurement)
+    return type(predictor)(predictor.context, predictor.backend, chain, predictor.measurement)
 
 
 def test_what_a_study_keeps_is_read_back_as_it_was(written):

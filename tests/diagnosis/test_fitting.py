@@ -142,7 +142,7 @@ class Brittle(Predictor):
 def test_starts_without_equilibrium(limit: float) -> None:
     measurement = measured(CHAIN, poor(), effect("stiffness", factor=0.9))
     plain = make_predictor(CHAIN, measurement)
-    brittle = Brittle(plain.bench, plain.backend, CHAIN, measurement)
+    brittle = Brittle(plain.context, plain.backend, CHAIN, measurement)
     brittle.limit = limit
     fit = make_fitter(brittle).fit(EffectSet.from_kinds(REGISTRY, ("stiffness",)))
     if limit > 0:

@@ -9,10 +9,10 @@ from tests.diagnosis.quick import BENCH, REGISTRY, blank, colour, effect, make_m
 from tests.report.pages import check_sound
 from tests.report.test_first_screen import LABELS, folded, labels_before_the_picture
 
+from pliant.diagnosis.data_split import split_runs
 from pliant.diagnosis.improvement import _Walk, improve
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import Score
-from pliant.diagnosis.test_split import split_runs
 from pliant.evidence.prediction import Predictor
 from pliant.report.chart import ChartNote
 from pliant.report.improvement import improvement_document, summary

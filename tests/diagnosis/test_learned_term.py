@@ -28,7 +28,7 @@ from pliant.diagnosis.left_out import condition_indices
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.readings import readings_over_floor
 from pliant.errors import UserError
-from pliant.evidence.places import run_residuals
+from pliant.evidence.error_bins import run_residuals
 from pliant.measurements.repeats import repeat_groups
 from pliant.mechanics.learned_curve import basis
 from pliant.report.improvement import improvement_json, summary

@@ -62,13 +62,13 @@ def model(*inputs: str) -> Model:
 
 def test_the_kinds_in_the_contract_ship() -> None:
     assert {c.kind for c in SHIPPED} == KINDS
-    assert {type(example(c)).notes.look_alike for c in SHIPPED if type(example(c)).fitted} <= KINDS
+    assert {type(example(c)).notes.confounder for c in SHIPPED if type(example(c)).fitted} <= KINDS
 
 
 @ALL
 def test_each_effect_has_a_plain_name_and_a_thing_to_look_at_on_the_bench(component: Component) -> None:
     """The name describes the observation ("the supply answers late"), the inspection is one imperative sentence."""
-    name, look = component.summary, type(example(component)).notes.on_the_bench
+    name, look = component.summary, type(example(component)).notes.inspection
     assert name[0].islower() and not name.endswith(".") and len(name) <= 60
     assert component.kind not in name and " " in name
     assert look[0].islower() and look[-1] in ".?" and 40 <= len(look) <= 170
@@ -127,7 +127,7 @@ def test_no_two_effects_mistake_each_other_without_a_way_out() -> None:
     """Following the look-alikes never leads to a kind without notes."""
     notes = {c.kind: type(example(c)).notes for c in SHIPPED}
     fitted = [c.kind for c in SHIPPED if type(example(c)).fitted]
-    assert all(notes[notes[kind].look_alike].told_apart for kind in fitted)
+    assert all(notes[notes[kind].confounder].distinguishing_test for kind in fitted)
 
 
 OPPOSED = (Actuator("tendon_force_1_n", 1.0), Actuator("tendon_force_2_n", -1.0))

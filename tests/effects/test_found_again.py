@@ -39,7 +39,9 @@ def bench(kind: str, seed: int) -> Predictor:
     """Return readings with coloured noise of two specimens in plain runs and in runs that excite the effect."""
     chain = chain_for(kind)
     runs = {run.name: run.history for run in timed_catalogue(BenchScale.from_chain(chain, P))}
-    names = dict.fromkeys((*PLAIN_RUNS, *REGISTRY.get("effect", kind).implementation_class().exciting))
+    names = dict.fromkeys(
+        (*PLAIN_RUNS, *REGISTRY.get("effect", kind).implementation_class().recommended_experiments)
+    )
     histories = [
         runs[name].with_(run=f"{name} {body}", specimen=body)
         for body in "AB"

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.evidence.compare_data import bench, colour
 
-from pliant.evidence.places import Noise, bin_means, coloured_count, output_noise, significant
+from pliant.evidence.error_bins import Noise, bin_means, coloured_count, output_noise, significant
 from pliant.evidence.scores import block_sums, interval
 from pliant.measurements.floors import noise_floors
 from pliant.measurements.repeats import repeat_groups

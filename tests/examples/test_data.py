@@ -50,8 +50,8 @@ def test_the_study_beside_it_has_its_family_and_fits_a_law(family, tmp_path):
     made = api.open_study(DATA / "fem" / f"{family}.yaml").study
     assert opened.study.family == made.family
     assert opened.study.material == made.material
-    (stages,) = build_study_laws(opened.bench, opened.study)
-    assert stages.law.law.joint == opened.bench.build("family", made.family).joint
+    (stages,) = build_study_laws(opened.context, opened.study)
+    assert stages.law.law.joint == opened.context.build("family", made.family).joint
     assert stages.law.report.worst_of_range < 0.01
 
 
@@ -59,9 +59,9 @@ def test_the_study_beside_it_has_its_family_and_fits_a_law(family, tmp_path):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_solving_three_states_again_gives_the_same_numbers(family):
     opened = api.open_study(DATA / "fem" / f"{family}.yaml")
-    study, bench = opened.study, opened.bench
-    problem = module_problems(bench.build("family", study.family), study.fem.refinement)[MAIN]
-    solver = bench.build("fem", study.fem).solver(problem, bench.build("material", study.material))
+    study, context = opened.study, opened.context
+    problem = module_problems(context.build("family", study.family), study.fem.refinement)[MAIN]
+    solver = context.build("fem", study.fem).solver(problem, context.build("material", study.material))
     data = table(family)
     free, held = (np.flatnonzero(data.branch == branch) for branch in ("free", "constrained"))
     state = solver.rest()

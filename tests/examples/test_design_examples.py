@@ -26,7 +26,7 @@ TASKS = ("egg-5", "egg-6", "egg-7", "cylinder-2", "cylinder-3", "cylinder-4")
 
 def open_problem(name: str) -> tuple[api.OpenStudy, SearchProblem]:
     opened = api.open_study(EXAMPLES / name)
-    return opened, SearchProblem.from_study(opened.study, opened.bench.registry)
+    return opened, SearchProblem.from_study(opened.study, opened.context.registry)
 
 
 def structures() -> set[tuple[int, ...]]:
@@ -76,8 +76,8 @@ def test_a_candidate_sets_every_segment() -> None:
     assert [s.actuation_share for s in segments] == [1.0, 0.5, 1.0, 1.0]
     assert [round(s.rotation_rad, 4) for s in segments] == [0.0, 1.5708, 3.1416, 4.7124]
     assert study.chain.base.roll_rad == pytest.approx(np.pi)
-    assert chain_length_m(opened.bench, study) == pytest.approx(29 * 6e-3)
-    opened.bench.build("task", study.task).check_reach(29 * 6e-3)
+    assert chain_length_m(opened.context, study) == pytest.approx(29 * 6e-3)
+    opened.context.build("task", study.task).check_reach(29 * 6e-3)
 
 
 def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modules_do() -> None:
@@ -85,9 +85,9 @@ def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modu
     study = problem.apply({v.name: v.stated for v in problem.variables}, 0)
     assert study.chain is not None and study.task is not None
     base = base_rotation(study.chain.base)
-    engine = opened.bench.build("physics", study.physics)
+    engine = opened.context.build("physics", study.physics)
     with engine.build(sample_chain(modules=2).with_(base_rotation=base)) as simulation:
-        result = opened.bench.build("task", study.task).run(simulation)
+        result = opened.context.build("task", study.task).run(simulation)
     target = np.asarray(result.metrics["target_points_m"], float)
     axis = target[:-1, :2].mean(axis=0)
     assert np.linalg.norm(target[:, :2] - axis, axis=1) == pytest.approx(18e-3, rel=2e-2)
@@ -133,16 +133,16 @@ def longer(tmp_path: Path, target: str) -> tuple[api.OpenStudy, SearchProblem]:
     extends = EXAMPLES / "shape_matching/helix.yaml"
     path.write_text(f"pliant: 1\nextends: {extends}\nname: longer\ntask: {{target: {target}}}\n")
     opened = api.open_study(path)
-    return opened, SearchProblem.from_study(opened.study, opened.bench.registry)
+    return opened, SearchProblem.from_study(opened.study, opened.context.registry)
 
 
 def test_a_target_longer_than_any_chain_is_refused_before_the_search(tmp_path: Path) -> None:
     # 8 · 4 · 6 mm = 192 mm straight; three turns of 30 mm radius are 568.7 mm long
     opened, problem = longer(tmp_path, "{radius: 30 mm, turns: 3}")
     with pytest.raises(UserError, match=r"568.* mm long, and the longest chain .* 192 mm"):
-        require_reachable(problem, opened.bench)
+        require_reachable(problem, opened.context)
     opened, problem = longer(tmp_path, "{radius: 25 mm}")
-    require_reachable(problem, opened.bench)
+    require_reachable(problem, opened.context)
 
 
 def make(study: str = "gripper_codesign") -> ModuleType:
@@ -166,7 +166,7 @@ def test_the_grippers_designs_equal_the_script_and_can_be_built() -> None:
     assert family is not None
     for row in rows:
         sizes = {f"{name}_m": 1e-3 * value for name, value in zip(script.NAMES, row, strict=True)}
-        opened.bench.build("family", family.model_copy(update=sizes))
+        opened.context.build("family", family.model_copy(update=sizes))
 
 
 def test_the_shapes_table_is_the_published_grid_and_a_row_between() -> None:

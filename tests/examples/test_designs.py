@@ -24,7 +24,7 @@ def test_a_table_has_its_study_designs(name: str, tmp_path: Path) -> None:
     possible = []
     for design in sweep_designs(opened.study):
         try:
-            opened.bench.build("family", design.family)
+            opened.context.build("family", design.family)
         except InvalidDesignError:
             continue
         possible.append([design.parameters[parameter] for parameter in SWEPT])

@@ -62,7 +62,7 @@ def settled_tips(study: str | Path, folder: Path, inputs: dict[str, float], load
         (folder / "robot.yaml").write_text(study)
         study = folder / "robot.yaml"
     opened = api.open_study(study, store=folder / "store")
-    chain = carried_chain(opened.bench, opened.study).chain
+    chain = carried_chain(opened.context, opened.study).chain
     Mujoco(MujocoConfig()).export(chain, folder / "robot.xml")
     found = run_alone(SCRIPT.replace("CASES", repr([(load, inputs) for load in loads])), folder)
     with Quasistatic(QuasistaticConfig()).build(chain) as simulation:
@@ -122,7 +122,7 @@ def test_it_moves_on_its_own_and_leaves_other_models_alone(tmp_path) -> None:
     """Released from rest under pressure it swings about the equilibrium; a model without laws is not changed."""
     (tmp_path / "robot.yaml").write_text(FINGER)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
-    chain = carried_chain(opened.bench, opened.study).chain
+    chain = carried_chain(opened.context, opened.study).chain
     Mujoco(MujocoConfig()).export(chain, tmp_path / "robot.xml")
     swings, spring = run_alone(
         "import mujoco, numpy as np, robot_law\nmodel, data = robot_law.load()\n"
@@ -163,7 +163,7 @@ def test_a_finger_on_a_foreign_arm(tmp_path, at) -> None:
     (tmp_path / "robot.yaml").write_text(FINGER)
     (tmp_path / "arm.xml").write_text(ARM)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
-    chain = carried_chain(opened.bench, opened.study).chain
+    chain = carried_chain(opened.context, opened.study).chain
     Mujoco(MujocoConfig()).export(chain, tmp_path / "robot.xml")
     kind = "site" if at == "flange" else "body"
     settled, place, turn, tip, names = run_alone(
@@ -194,7 +194,7 @@ def test_a_mounted_robot_begins_where_the_study_put_its_arm(tmp_path) -> None:
     (tmp_path / "arm.xml").write_text(keyed)
     (tmp_path / "robot.yaml").write_text(FINGER)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
-    chain = carried_chain(opened.bench, opened.study).chain
+    chain = carried_chain(opened.context, opened.study).chain
     script = (
         "import robot_law\nmodel, data = robot_law.mount('arm.xml', 'flange', 'left_')\n"
         "said = [float(data.joint('shoulder').qpos[0]), float(data.actuator('servo').ctrl[0])]"
@@ -213,7 +213,7 @@ def test_a_place_that_the_arm_does_not_have_is_named(tmp_path) -> None:
     (tmp_path / "robot.yaml").write_text(FINGER)
     (tmp_path / "arm.xml").write_text(ARM)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
-    Mujoco(MujocoConfig()).export(carried_chain(opened.bench, opened.study).chain, tmp_path / "robot.xml")
+    Mujoco(MujocoConfig()).export(carried_chain(opened.context, opened.study).chain, tmp_path / "robot.xml")
     said = run_alone(
         "import robot_law\ntry:\n    robot_law.mount('arm.xml', 'wrist')\nexcept ValueError as e:\n    said = str(e)",
         tmp_path,
@@ -231,7 +231,7 @@ EFFECTS = (
 def test_what_cannot_be_carried_is_said(tmp_path) -> None:
     (tmp_path / "robot.yaml").write_text(EFFECTS)
     opened = api.open_study(tmp_path / "robot.yaml", store=tmp_path / "store")
-    carried = carried_chain(opened.bench, opened.study)
+    carried = carried_chain(opened.context, opened.study)
     said = " ".join(carried.sentences)
     assert "viscous_damping (it has a memory, or needs time)" in said and "pressure_offset" in said
     assert "gravity_scale" not in said and "no mass" not in said

@@ -176,30 +176,32 @@ def _arms(annotation: Any) -> Iterator[Any]:
         yield annotation
 
 
-def simulated(study: Study, bench: RunContext) -> tuple[Any, ...]:
+def simulated(study: Study, context: RunContext) -> tuple[Any, ...]:
     """Return the result of a simulation: law, body, metrics and poses in every engine and with drawn laws, and notes.
 
     For a study without a task the answer is its laws and its chain.
     """
     heard = Heard()
-    bench = replace(bench, progress=heard)
+    context = replace(context, progress=heard)
     try:
-        designs = build_study_laws(bench, study)
+        designs = build_study_laws(context, study)
         unused = unused_blocks(study, designs)
         laws = [_law(stages.law.law) for stages in designs]
-        looks = [seen_surface(bench.build("family", s.design.family)) for s in designs if s.design.family]
+        looks = [seen_surface(context.build("family", s.design.family)) for s in designs if s.design.family]
         shapes = [repr([part.vertices_m.sum(axis=0) for part in look.parts]) for look in looks]
         if study.chain is None:
             return repr((laws, shapes)), heard.notes, unused
-        chain = build_study_chain(bench, study, mounted=True).chain
+        chain = build_study_chain(context, study, mounted=True).chain
         body = repr((sum(one.mass_kg for one in chain.bodies), chain.length_m, chain.shapes, laws, shapes))
         if study.task is None:
             return body, heard.notes, unused
         task, effects = (
-            bench.build("task", study.noisy_task()),
-            [bench.build("effect", e) for e in study.effects],
+            context.build("task", study.noisy_task()),
+            [context.build("effect", e) for e in study.effects],
         )
-        engines = [bench.build("physics", one) for one in (study_physics(bench, study), *study.cross_check)]
+        engines = [
+            context.build("physics", one) for one in (study_physics(context, study), *study.cross_check)
+        ]
         results = [run_task(engine, task, effects, chain) for engine in engines]
         drawn: Any = None
         if study.uncertainty is not None:
@@ -216,10 +218,10 @@ def simulated(study: Study, bench: RunContext) -> tuple[Any, ...]:
     return repr((body, found, drawn)), heard.notes, unused
 
 
-def compared(study: Study, bench: RunContext, measurement: Measurement) -> tuple[Any, ...]:
+def compared(study: Study, context: RunContext, measurement: Measurement) -> tuple[Any, ...]:
     """Return the result of a comparison with a recording: the readings of the model in every run."""
     try:
-        predictor = Predictor.from_study(bench, study, measurement)
+        predictor = Predictor.from_study(context, study, measurement)
         runs = predictor.predict(study.effects)
     except PliantError as error:
         return str(error), set(), []
@@ -227,22 +229,22 @@ def compared(study: Study, bench: RunContext, measurement: Measurement) -> tuple
     return repr((found, predictor.law_error)), set(predictor.remarks), []
 
 
-def solved(study: Study, bench: RunContext) -> tuple[Any, ...]:
+def solved(study: Study, context: RunContext) -> tuple[Any, ...]:
     """Return the input and a result of FEM: meshes and supports, the material's response, the states, one solved state.
 
     States are chosen on a potential in closed form in the place of the solver, which solves one state of a small box.
     """
     heard = Heard()
     try:
-        check_study(bench, study)
+        check_study(context, study)
         fem, material = study.need("fem", "FEM"), study.need("material", "FEM")
-        substance, backend = bench.build("material", material), bench.build("fem", fem)
+        substance, backend = context.build("material", material), context.build("fem", fem)
         parts: list[Any] = [_response(substance), _solved_box(backend, substance)]
         if study.sweep is not None:
             parts += [(one.family.canonical(), one.material.canonical()) for one in sweep_designs(study)]
         for family in _designs(study):
             try:
-                parts += _asked(study, bench.build("family", family), heard)
+                parts += _asked(study, context.build("family", family), heard)
             except InvalidDesignError as error:  # a sweep skips it
                 parts.append(str(error))
     except PliantError as error:
@@ -314,20 +316,20 @@ def _plain(value: Any) -> Any:
     return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-def searched(study: Study, bench: RunContext) -> tuple[Any, ...]:
+def searched(study: Study, context: RunContext) -> tuple[Any, ...]:
     """Return the result of a search in which a candidate's metrics are drawn from its study alone.
 
     The check of the winner is left out.
     """
     heard = Heard()
-    bench = replace(bench, progress=heard)
+    context = replace(context, progress=heard)
     config = study.need("search", "a search")
-    law = bench.registry.get("surrogate", "polynomial").config_model().model_validate(STATED)
+    law = context.registry.get("surrogate", "polynomial").config_model().model_validate(STATED)
     alone = {"search": config.model_copy(update={"verify": None}), "meta_model": None, "surrogate": law}
     study = study.model_copy(update=alone)
     try:
         with patch.object(FastPath, "result", _drawn):
-            found: SearchResult = search_study(bench, study, workers=1).value
+            found: SearchResult = search_study(context, study, workers=1).value
     except PliantError as error:
         return str(error), set(), []
     history = found.history

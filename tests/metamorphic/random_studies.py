@@ -54,7 +54,7 @@ def settled_tip(raw: Raw, folder: Path) -> np.ndarray:
     path = folder / "study.yaml"
     path.write_text(json.dumps(raw), encoding="utf-8")
     opened = api.open_study(path, store=folder / "store")
-    bench, study = opened.bench, opened.study
+    bench, study = opened.context, opened.study
     chain = build_study_chain(bench, study).chain
     effects = [bench.build("effect", effect) for effect in study.effects]
     result = run_task(

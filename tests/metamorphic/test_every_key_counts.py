@@ -86,7 +86,7 @@ MESHED = "cad_file/finger.yaml"
 ALL = sorted(path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.yaml"))
 
 
-def opened(name: str, bench: RunContext, folder: Path | None = None) -> Study:
+def opened(name: str, context: RunContext, folder: Path | None = None) -> Study:
     """Return the study without engines for comparison; with a folder, its mesh is written there if it needs one."""
     path = EXAMPLES / name
     if name == MESHED and folder is not None:
@@ -95,7 +95,7 @@ def opened(name: str, bench: RunContext, folder: Path | None = None) -> Study:
             shutil.copy(path.parent / file, folder)
         subprocess.run([sys.executable, folder / "mesh.py"], check=True, capture_output=True)
         path = folder / path.name
-    return load_study(path, bench.registry, ["cross_check=[]"], lambda text: None)
+    return load_study(path, context.registry, ["cross_check=[]"], lambda text: None)
 
 
 def verb_examples(verb: str) -> list[str]:
@@ -130,7 +130,7 @@ def unexplained(name: str, found: Iterable[Perturbed]) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> RunContext:
+def context(tmp_path_factory: pytest.TempPathFactory) -> RunContext:
     """Return one store for all studies."""
     return RunContext(discover(), ArtifactStore(tmp_path_factory.mktemp("every_key")))
 
@@ -143,13 +143,13 @@ HEAVY = pytest.mark.skipif("PLIANT_METAMORPHIC" not in os.environ, reason="minut
 @pytest.mark.parametrize(
     "name", [one if one in FAST else pytest.param(one, marks=HEAVY) for one in SIMULATED]
 )
-def test_every_simulation_key_counts(name: str, bench: RunContext, tmp_path: Path) -> None:
-    study = opened(name, bench, tmp_path)
+def test_every_simulation_key_counts(name: str, context: RunContext, tmp_path: Path) -> None:
+    study = opened(name, context, tmp_path)
     if study.fem is not None or (study.meta_model is not None and name != "designs/unseen.yaml"):
         # The stages after FEM, with a law that needs none; FEM and its keys are tested below.
-        law = bench.registry.get("surrogate", "polynomial").config_model().model_validate(with_input(study))
+        law = context.registry.get("surrogate", "polynomial").config_model().model_validate(with_input(study))
         study = study.model_copy(update={"surrogate": law, "meta_model": None, "search": None})
-    found = silent_keys(study, (*OF_A_SIMULATION, *OF_A_DESIGN), partial(simulated, bench=bench))
+    found = silent_keys(study, (*OF_A_SIMULATION, *OF_A_DESIGN), partial(simulated, context=context))
     assert unexplained(name, found) == []
 
 
@@ -161,20 +161,20 @@ def with_input(study: Study) -> dict[str, object]:
 
 @HEAVY
 @pytest.mark.parametrize("name", verb_examples("fem"))
-def test_every_fem_key_counts(name: str, bench: RunContext, tmp_path: Path) -> None:
-    study = opened(name, bench, tmp_path)
-    found = silent_keys(study, (*OF_FEM, *OF_A_DESIGN), partial(solved, bench=bench))
+def test_every_fem_key_counts(name: str, context: RunContext, tmp_path: Path) -> None:
+    study = opened(name, context, tmp_path)
+    found = silent_keys(study, (*OF_FEM, *OF_A_DESIGN), partial(solved, context=context))
     assert unexplained(name, found) == []
 
 
 @HEAVY
 @pytest.mark.parametrize("name", verb_examples("search"))
-def test_every_search_key_counts(name: str, bench: RunContext) -> None:
-    study = opened(name, bench)
+def test_every_search_key_counts(name: str, context: RunContext) -> None:
+    study = opened(name, context)
     assert study.search is not None
     budget = study.search.model_copy(update={"budget": min(study.search.budget, 12)})
     study = study.model_copy(update={"search": budget, "optimizer": with_short_batches(study)})
-    assert unexplained(name, silent_keys(study, OF_A_SEARCH, partial(searched, bench=bench))) == []
+    assert unexplained(name, silent_keys(study, OF_A_SEARCH, partial(searched, context=context))) == []
 
 
 def with_short_batches(study: Study) -> OptimizerConfig | None:
@@ -184,19 +184,19 @@ def with_short_batches(study: Study) -> OptimizerConfig | None:
 
 
 @pytest.mark.parametrize("name", verb_examples("compare"))
-def test_every_comparison_key_counts(name: str, bench: RunContext) -> None:
-    study = opened(name, bench)
-    measurement = read_study_measurement(bench, study, None)
-    answer = partial(compared, bench=bench, measurement=measurement)
+def test_every_comparison_key_counts(name: str, context: RunContext) -> None:
+    study = opened(name, context)
+    measurement = read_study_measurement(context, study, None)
+    answer = partial(compared, context=context, measurement=measurement)
     heads = (*OF_A_RECORDING, *(() if study.task is not None else OF_A_SIMULATION))
     # Values left to defaults, such as the base's position, do not affect angles.
     found = [key for key in silent_keys(study, heads, answer) if key.stated]
     assert unexplained(name, found) == []
 
 
-def test_every_block_in_an_example_is_read(bench: RunContext) -> None:
+def test_every_block_in_an_example_is_read(context: RunContext) -> None:
     heads = {*OF_A_SIMULATION, *OF_A_DESIGN, *OF_FEM, *OF_A_SEARCH, *OF_A_RECORDING}
     for name in ALL:
-        for key in perturbed_keys(opened(name, bench)):
+        for key in perturbed_keys(opened(name, context)):
             dotted = ".".join(map(str, key.path))
             assert key.path[0] in heads or any(dotted.startswith(one) for one in ELSEWHERE), (name, dotted)

@@ -109,8 +109,8 @@ STILL = Quasistatic(QuasistaticConfig())
 
 
 def make_chain(path: Path, *overrides: str) -> ChainModel:
-    bench = RunContext(REGISTRY, ArtifactStore(path.parent / ".unused"), Silent())
-    return build_study_chain(bench, load_study(path, REGISTRY, overrides)).chain
+    context = RunContext(REGISTRY, ArtifactStore(path.parent / ".unused"), Silent())
+    return build_study_chain(context, load_study(path, REGISTRY, overrides)).chain
 
 
 @pytest.fixture(scope="module")

@@ -32,10 +32,10 @@ def remarks(raw: Raw, folder: Path, kind: str = "quasistatic") -> tuple[str, ...
     """Return the remarks on a study's chain in an engine with the study's tolerance."""
     (folder / "study.yaml").write_text(json.dumps(raw), encoding="utf-8")
     opened = api.open_study(folder / "study.yaml", store=folder / "store")
-    config = opened.bench.registry.get("physics", kind).config_model()
+    config = opened.context.registry.get("physics", kind).config_model()
     engine: PhysicsConfig = config(kind=kind, tolerance=raw["physics"]["tolerance"])
-    chain = build_study_chain(opened.bench, opened.study).chain
-    return tolerance_remarks(chain, [opened.bench.build("physics", engine)])
+    chain = build_study_chain(opened.context, opened.study).chain
+    return tolerance_remarks(chain, [opened.context.build("physics", engine)])
 
 
 @pytest.mark.parametrize("kind", ["quasistatic", "mujoco"])

@@ -51,8 +51,8 @@ def run_study(folder):
     def run(stiffness=0.03, **changes):
         table(folder / "law.csv", stiffness)
         (folder / "study.yaml").write_text(json.dumps({**STUDY, **changes}))
-        bench = RunContext(REGISTRY, ArtifactStore(folder / "store"))
-        return simulate_study(bench, load_study(folder / "study.yaml", REGISTRY, ()))
+        context = RunContext(REGISTRY, ArtifactStore(folder / "store"))
+        return simulate_study(context, load_study(folder / "study.yaml", REGISTRY, ()))
 
     return run
 
@@ -130,9 +130,9 @@ def test_without_a_density_a_module_has_that_for_water():
     assert none.mass.start.mass_kg == water.mass.start.mass_kg
 
 
-def render_stored(bench, run):
+def render_stored(context, run):
     read = finished(run, {})
-    stored_run_page(bench, run, read).render(run_document(read))
+    stored_run_page(context, run, read).render(run_document(read))
 
 
 @pytest.mark.slow
@@ -141,12 +141,12 @@ def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_study, folder
         def note(self, text):
             pytest.fail(text)
 
-    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"), Notes())
+    context = RunContext(REGISTRY, ArtifactStore(folder / "store"), Notes())
     run = run_study()
-    render_stored(bench, run)
+    render_stored(context, run)
     pages = set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]"))
-    render_stored(bench, run_study())
+    render_stored(context, run_study())
     assert set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) == pages
     (run.engines[0].artifact.folder / "value.json").unlink()
-    render_stored(bench, run_study())
+    render_stored(context, run_study())
     assert len(set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) - pages) == 1

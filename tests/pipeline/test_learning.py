@@ -126,12 +126,12 @@ def test_an_interrupted_curve_goes_on_and_a_damaged_one_starts_anew(tmp_path: Pa
 
 
 def test_the_store_gives_the_curve_again(tmp_path: Path) -> None:
-    bench = RunContext(discover(), ArtifactStore(tmp_path))
+    context = RunContext(discover(), ArtifactStore(tmp_path))
     config = PolynomialConfig(kind="polynomial", max_degree=2)
-    first = learning_stage(bench, config, data(), {"law": "a"})
-    again = learning_stage(bench, config, data(), {"law": "a"})
+    first = learning_stage(context, config, data(), {"law": "a"})
+    again = learning_stage(context, config, data(), {"law": "a"})
     assert not first.cached and again.cached and again.value == first.value
-    assert not learning_stage(bench, config, data(), {"law": "b"}).cached
+    assert not learning_stage(context, config, data(), {"law": "b"}).cached
 
 
 def test_misses_count_each_axis_in_its_own_states_and_all_where_all_are_held() -> None:

@@ -46,8 +46,8 @@ def folder(tmp_path):
 
 
 def run(folder, *overrides, study="finger.yaml"):
-    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"))
-    return bench, simulate_study(bench, load_study(folder / study, REGISTRY, overrides))
+    context = RunContext(REGISTRY, ArtifactStore(folder / "store"))
+    return context, simulate_study(context, load_study(folder / study, REGISTRY, overrides))
 
 
 @pytest.mark.parametrize(
@@ -132,9 +132,9 @@ def test_models_that_an_arm_attaches_are_its_files_with_their_meshes(tmp_path):
 
 
 def test_pictures_show_the_arm_and_the_chain_where_it_is(folder):
-    bench, found = run(folder, "task.steps=3")
+    context, found = run(folder, "task.steps=3")
     result = found.engines[0].result
-    motion = run_motion(bench, found)
+    motion = run_motion(context, found)
     scene, frames = motion.scene, motion.frames
     assert scene.carriers == len(scene.objects) == 4
     for k, markers in enumerate(result.rollout.markers_m):

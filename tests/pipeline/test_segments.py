@@ -87,13 +87,13 @@ def study_file(folder: Path, **study: Any) -> Path:
 
 
 def run(folder: Path, **study: Any) -> StudyRun:
-    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"), Silent())
-    return simulate_study(bench, load_study(study_file(folder, **study), REGISTRY))
+    context = RunContext(REGISTRY, ArtifactStore(folder / "store"), Silent())
+    return simulate_study(context, load_study(study_file(folder, **study), REGISTRY))
 
 
 def make_chain(folder: Path, **study: Any) -> ChainModel:
-    bench = RunContext(REGISTRY, ArtifactStore(folder / "store"), Silent())
-    return build_study_chain(bench, load_study(study_file(folder, **study), REGISTRY)).chain
+    context = RunContext(REGISTRY, ArtifactStore(folder / "store"), Silent())
+    return build_study_chain(context, load_study(study_file(folder, **study), REGISTRY)).chain
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -38,7 +38,7 @@ def checked(folder, *changes):
     path = folder / "s.yaml"
     path.write_text(text, encoding="utf-8")
     opened = api.open_study(path, store=folder / "store")
-    return self_check(opened.bench, opened.study)
+    return self_check(opened.context, opened.study)
 
 
 def status(found, subject):
@@ -94,13 +94,13 @@ def ran(folder, *changes):
     path = folder / "s.yaml"
     path.write_text(text, encoding="utf-8")
     opened = api.open_study(path, store=folder / "store")
-    return opened, checked_run(opened.bench, simulate_study(opened.bench, opened.study))
+    return opened, checked_run(opened.context, simulate_study(opened.context, opened.study))
 
 
 def test_a_run_says_which_defaults_move_its_answer(tmp_path):
     """Gravity is not stated; without it the horizontal chain would not sag."""
     opened, done = ran(tmp_path, ("module_mass: 2 g", "module_mass: 12 g"))
-    by_doctor = self_check(opened.bench, opened.study)
+    by_doctor = self_check(opened.context, opened.study)
     assert done.checked is not None
     assert done.checked.defaults == by_doctor.defaults
     (gravity,) = done.checked.defaults

@@ -80,6 +80,6 @@ def test_a_table_that_does_not_state_its_rubber_is_named(tmp_path):
 
 def test_a_meta_model_names_what_its_designs_do_not_state(tmp_path):
     opened = meta_bench.opened(tmp_path)  # its table has radius and length alone
-    solved = solved_designs(opened.bench, opened.study)
+    solved = solved_designs(opened.context, opened.study)
     said = unread_by_meta_model(solved.designs, "fem.csv", opened.study.family, opened.study.material)
     assert "material.shear_modulus" in said and "radius" not in said

@@ -69,7 +69,7 @@ def test_ratios_for_a_run_without_load(tmp_path: Path, effects: str) -> None:
         assert found.coefficients[name] == pytest.approx(value, rel=2e-3), name
     assert found.after["angle_rad"] < 1e-4 < found.before["angle_rad"]
     assert "b_e" not in found.sd
-    again = api.OpenStudy(found.study, opened.bench)
+    again = api.OpenStudy(found.study, opened.context)
     assert api.compare(again).outputs["angle_rad"].rmse < 1e-4
 
 

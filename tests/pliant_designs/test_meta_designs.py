@@ -58,7 +58,7 @@ def test_a_kind_with_one_actuation_refuses_several_before_a_state_is_solved(tmp_
     with pytest.raises(
         UserError, match="'stand_in' makes laws of one actuation, .* by pressure_1_pa, pressure_2_pa: use"
     ):
-        solved_designs(opened.bench, opened.study)
+        solved_designs(opened.context, opened.study)
 
 
 def test_a_table_for_another_family_is_recognised_by_its_columns(tmp_path):
@@ -66,7 +66,7 @@ def test_a_table_for_another_family_is_recognised_by_its_columns(tmp_path):
     path.write_text(path.read_text().replace("radius_m", "bore_m"))
     opened = bench.opened(tmp_path, data=path)
     with pytest.raises(UserError, match="'bore_m' varies between its designs, and it is not a parameter"):
-        solved_designs(opened.bench, opened.study)
+        solved_designs(opened.context, opened.study)
 
 
 def test_designs_have_the_table_numbers_and_a_missing_parameter_is_considered(tmp_path):

@@ -61,11 +61,11 @@ def test_sweep_designs_go_first_and_solved_ones_never(unseen):
     study = study.model_copy(
         update={"sweep": type(study).model_fields["sweep"].annotation.__args__[0](**sweep)}
     )
-    found = designs_to_solve(unseen.opened.bench, study, unseen.stage, 5)
+    found = designs_to_solve(unseen.opened.context, study, unseen.stage, 5)
     values = {(round(1e3 * r, 6), round(1e3 * length, 6)) for r, length in (one.values for one in found)}
     assert values == {(4.2, 8.0), (5.4, 8.0), (4.0, 9.7), (4.2, 9.7), (5.4, 9.7)}
     with pytest.raises(UserError, match="only 5 designs can be had"):
-        designs_to_solve(unseen.opened.bench, study, unseen.stage, 6)
+        designs_to_solve(unseen.opened.context, study, unseen.stage, 6)
 
 
 def test_impossible_designs_are_not_proposed(tmp_path):
@@ -93,7 +93,7 @@ def test_the_table_is_a_sweep(unseen, tmp_path):
 def test_without_gain_the_largest_doubt_is_taken_and_without_doubt_the_emptiest_place(unseen):
     def best(doubt):
         stage = replace(unseen.stage, laws=_Mute(unseen.stage.laws, doubt))
-        (found,) = designs_to_solve(unseen.opened.bench, unseen.opened.study, stage, 1)
+        (found,) = designs_to_solve(unseen.opened.context, unseen.opened.study, stage, 1)
         return found
 
     doubtful, far = best(lambda values: values[:, 0]), best(lambda values: np.ones(len(values)))

@@ -35,7 +35,7 @@ def opened(folder, *changes, overrides=()):
 
 def laws(folder, *changes, overrides=()):
     one = opened(folder, *changes, overrides=overrides)
-    return build_study_laws(one.bench, one.study)
+    return build_study_laws(one.context, one.study)
 
 
 def test_the_law_for_an_unseen_design_is_close_and_its_band_covers_the_truth(folder):
@@ -70,7 +70,7 @@ def test_a_sweep_is_solved_and_then_no_design_again(tmp_path, monkeypatch):
     )
     path.write_text(path.read_text().replace(f"plugins: ['{bench.PLUGIN}']", more))
     one = api.open_study(path, ["family.radius=4.6 mm", "family.length=8.3 mm"], store=tmp_path / "store")
-    (stages,) = build_study_laws(one.bench, one.study)
+    (stages,) = build_study_laws(one.context, one.study)
     assert log_of(log).total() == before
     assert stages.law.report.details["n_designs"] == 6
     assert one.study.unused() == []
@@ -97,7 +97,7 @@ def test_a_sweep_that_is_too_small_is_refused_before_it_is_solved(tmp_path, monk
     path.write_text(path.read_text().replace(f"plugins: ['{bench.PLUGIN}']", plugins))
     one = api.open_study(path, store=tmp_path / "store")
     with pytest.raises(UserError, match="at least 4 designs and scored on one more, so 4 are too few"):
-        build_study_laws(one.bench, one.study)
+        build_study_laws(one.context, one.study)
     assert not log.exists()
 
 
@@ -119,7 +119,7 @@ def test_the_run_folder_gives_the_law_on_another_machine(folder, tmp_path, monke
     write_folder(out, run, {"study": "unseen"})
     away = tmp_path / "away"
     shutil.move(out, away)
-    read = read_folder(away, here.bench.registry)
+    read = read_folder(away, here.context.registry)
     (design,) = read.designs
     p, u = np.linspace(0, 15e3, 9), np.linspace(-0.1, 0.5, 9)[:, None]
     mine, theirs = run.designs[0].law.law, design.law
@@ -130,7 +130,7 @@ def test_the_run_folder_gives_the_law_on_another_machine(folder, tmp_path, monke
     for name in ("law_sources", "blocks"):  # as without the package
         monkeypatch.setattr(f"pliant.pipeline.run_folder.{name}", dict)
     with pytest.raises(UserError, match="belongs to the package pliant_designs"):
-        read_folder(away, here.bench.registry)
+        read_folder(away, here.context.registry)
 
 
 def test_a_notebook_has_laws_scores_and_the_next_design(folder):

@@ -176,7 +176,7 @@ def test_interrupted_within_a_design_it_goes_on_from_the_last_state(tmp_path, lo
                 raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        api.sweep(replace(opened, bench=replace(opened.bench, progress=Impatient())), workers=1)
+        api.sweep(replace(opened, context=replace(opened.context, progress=Impatient())), workers=1)
     assert sum(bench.solved(log).values()) == 13
     run = api.sweep(opened, workers=1)
     assert set(bench.solved(log).values()) == {1}

@@ -45,7 +45,7 @@ class Rise(Effect):
     """Scales the elastic part."""
 
     place = "law"
-    exciting = ("slow_cycles", "passive_load_steps")
+    recommended_experiments = ("slow_cycles", "passive_load_steps")
     config: RiseConfig
 
     def apply(self, model: Model) -> Model:

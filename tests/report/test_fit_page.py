@@ -91,9 +91,9 @@ def barred() -> ReportedLaw:
     return ReportedLaw("linear", "sample", law, fitted().report, data, 0.1)
 
 
-def written(bench: RunContext, title: str, laws: list[ReportedLaw], folder: Path) -> Path:
+def written(context: RunContext, title: str, laws: list[ReportedLaw], folder: Path) -> Path:
     document = fit_document(title, laws, {"name": title}, {}, [])
-    made = stored_fit_page(bench, document, laws, {"name": title}).render(document)
+    made = stored_fit_page(context, document, laws, {"name": title}).render(document)
     return write_page(folder, made.html, made.pictures, document.page)
 
 
@@ -218,20 +218,20 @@ def test_three_axes_are_told_apart() -> None:
 
 @pytest.mark.slow
 def test_the_stage_writes_the_page_once_and_refuses_a_stated_law(tmp_path: Path) -> None:
-    bench = RunContext(discover(), ArtifactStore(tmp_path / "store"))
+    context = RunContext(discover(), ArtifactStore(tmp_path / "store"))
     write_table(sample_table(softening_law(), noise_n_m=3e-5), tmp_path / "bench.csv")
     config = PolynomialConfig(kind="polynomial", data=tmp_path / "bench.csv", max_degree=2)
-    law = law_stage(bench, config, None)
-    made = fitted_law(bench, "bench", config, law, learning=False, source="bench.csv")
-    file = written(bench, "bench", [made], tmp_path)
+    law = law_stage(context, config, None)
+    made = fitted_law(context, "bench", config, law, learning=False, source="bench.csv")
+    file = written(context, "bench", [made], tmp_path)
     assert file.name == "fit.html" and not (tmp_path / "pictures").exists()
     text = words(file.read_text())
     assert f"within {percent(law.report.worst_of_range)} of bench.csv on 10 states left out" in text
     first = file.read_bytes()  # it contains times that were measured then
-    again = fitted_law(bench, "bench", config, law, learning=False, source="bench.csv")
-    assert written(bench, "bench", [again], tmp_path).read_bytes() == first
+    again = fitted_law(context, "bench", config, law, learning=False, source="bench.csv")
+    assert written(context, "bench", [again], tmp_path).read_bytes() == first
     with pytest.raises(UserError, match="stated by its coefficients"):
-        fitted_law(bench, "stated", config, LawStage(softening_law(), None, None, None))
+        fitted_law(context, "stated", config, LawStage(softening_law(), None, None, None))
 
 
 def test_bars_on_several_axes_are_pooled_first() -> None:
@@ -248,14 +248,14 @@ def test_bars_on_several_axes_are_pooled_first() -> None:
 
 
 def test_one_table_for_each_axis_makes_one_page(tmp_path: Path) -> None:
-    bench = RunContext(discover(), ArtifactStore(tmp_path / "store"))
+    context = RunContext(discover(), ArtifactStore(tmp_path / "store"))
     stiffness = {"x": 0.05, "y": 0.04, "z": 0.06}
     for axis, k in stiffness.items():
         write_table(replace(sample_table(linear_law(stiffness=k)), axis=axis), tmp_path / f"{axis}.csv")
     axes = {axis: {"data": tmp_path / f"{axis}.csv", "max_degree": 2} for axis in stiffness}
     config = PolynomialConfig.model_validate({"kind": "polynomial", "axes": axes})
-    law = law_stage(bench, config, None)
-    one = fitted_law(bench, "three", config, law, source="three tables")
+    law = law_stage(context, config, None)
+    one = fitted_law(context, "three", config, law, source="three tables")
     assert one.learning is None  # the surrogate is fitted by table, not by states of all axes
     assert one.data.axes == ("x", "y", "z") and one.data.main_axis == "y"
     assert one.misses.worst < 1e-9 and len(one.misses.state) == 3 * 52
@@ -265,13 +265,13 @@ def test_one_table_for_each_axis_makes_one_page(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Path) -> None:
-    bench = RunContext(discover(), ArtifactStore(tmp_path / "store"))
+    context = RunContext(discover(), ArtifactStore(tmp_path / "store"))
     data = solved_designs((2, 2)).data[0]
     data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 3))
-    fem = bench.make("fem", lambda partial: data, components=[], modules=[], config={}, inputs={})
+    fem = context.make("fem", lambda partial: data, components=[], modules=[], config={}, inputs={})
     config = PolynomialConfig(kind="polynomial", max_degree=3)
-    stages = DesignStages(DesignSpec(None, config), fem, law_stage(bench, config, fem))
-    (solved,) = fitted_designs(bench, [stages], learning=False)
+    stages = DesignStages(DesignSpec(None, config), fem, law_stage(context, config, fem))
+    (solved,) = fitted_designs(context, [stages], learning=False)
     assert solved.source == "FEM" and len(solved.data) == len(data)
-    text = words(written(bench, "solved", [solved], tmp_path).read_text())
+    text = words(written(context, "solved", [solved], tmp_path).read_text())
     assert seconds(0.5 * len(data)) in text and "of FEM on" in text

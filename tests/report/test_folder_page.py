@@ -59,8 +59,8 @@ def run_text(folder: Path, text: str) -> StudyRun:
     (folder / "law.csv").write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
     (folder / "study.yaml").write_text(text)
     registry = discover()
-    bench = RunContext(registry, ArtifactStore(folder / "store"))
-    return simulate_study(bench, load_study(folder / "study.yaml", registry, ()))
+    context = RunContext(registry, ArtifactStore(folder / "store"))
+    return simulate_study(context, load_study(folder / "study.yaml", registry, ()))
 
 
 @pytest.mark.parametrize(
@@ -150,8 +150,8 @@ def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
     write_table(sample_table(softening_law(), noise_n_m=1e-4), tmp_path / "law.csv")
     (tmp_path / "study.yaml").write_text(UNCERTAIN)
     registry = discover()
-    bench = RunContext(registry, ArtifactStore(tmp_path / "store"))
-    run = simulate_study(bench, load_study(tmp_path / "study.yaml", registry, ()))
+    context = RunContext(registry, ArtifactStore(tmp_path / "store"))
+    run = simulate_study(context, load_study(tmp_path / "study.yaml", registry, ()))
     write_folder(tmp_path / "out", run, {})
     again = read_folder(tmp_path / "out", registry)
     assert again.uncertainty is not None and run.uncertainty is not None
@@ -161,6 +161,6 @@ def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
     write_page(tmp_path / "out", page.html, page.pictures)
     assert (tmp_path / "out" / "pictures" / "tip_cloud.png").is_file() and "tip_cloud" in NAMES
     without = load_study(tmp_path / "study.yaml", registry, ["uncertainty=null"])
-    write_folder(tmp_path / "out", simulate_study(bench, without), {})
+    write_folder(tmp_path / "out", simulate_study(context, without), {})
     assert read_folder(tmp_path / "out", registry).uncertainty is None
     assert not (tmp_path / "out" / "data" / "uncertainty").exists()

@@ -20,7 +20,9 @@ def opened(tmp_path):
     def call(*overrides, store="store", change=("", ""), progress=None):
         path.write_text(text.replace(*change))
         study = api.open_study(path, overrides, store=tmp_path / store)
-        return study if progress is None else replace(study, bench=replace(study.bench, progress=progress))
+        return (
+            study if progress is None else replace(study, context=replace(study.context, progress=progress))
+        )
 
     return call
 

@@ -44,7 +44,7 @@ def opened(folder, study, search):
     path = folder / "study.yaml"
     path.write_text(f"{study}search:\n{_indented(search)}")
     one = api.open_study(path, store=folder / "store")
-    return one, SearchProblem.from_study(one.study, one.bench.registry)
+    return one, SearchProblem.from_study(one.study, one.context.registry)
 
 
 def hinge(folder, search, change=("", "")):

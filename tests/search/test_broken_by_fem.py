@@ -69,7 +69,7 @@ def test_candidates_hold_with_the_error_that_fem_showed(refused):
     opened, result = refused
     check = result.verification
     ratio = check.verified[ENGINE][ANGLE] / check.predicted[ENGINE][ANGLE]
-    proposed = list(next_best(build_search_problem(opened.bench, opened.study), result, check, ENGINE))
+    proposed = list(next_best(build_search_problem(opened.context, opened.study), result, check, ENGINE))
     assert proposed and all(ratio * design.metrics[ANGLE] <= LIMIT for design in proposed)
 
 
@@ -86,7 +86,7 @@ def going_on(folder, rounds, others=0):
     place = folder / "wide"
     place.mkdir(exist_ok=True)
     opened = meta_bench.opened(place, *changes, data=meta_bench.table(place, radii=WIDE))
-    return opened, search_study(opened.bench, opened.study, workers=1)
+    return opened, search_study(opened.context, opened.study, workers=1)
 
 
 def test_the_search_continues_with_the_fem_from_its_refused_best_design(folder):

@@ -34,10 +34,10 @@ def never(*given):
 def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threads):
     (tmp_path / "alone").mkdir()
     opened, alone = springs(tmp_path, BOTH), springs(tmp_path / "alone", BOTH)
-    run_ahead(opened.bench, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
-    expected = verify(alone.bench, Problem(alone, CONDITIONS), found(RADIUS))
+    run_ahead(opened.context, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
+    expected = verify(alone.context, Problem(alone, CONDITIONS), found(RADIUS))
     monkeypatch.setattr(simulate, "run_task", never)
-    check = verify(opened.bench, Problem(opened, CONDITIONS), found(RADIUS))
+    check = verify(opened.context, Problem(opened, CONDITIONS), found(RADIUS))
     assert set(check.verified) == {"quasistatic", "mujoco"}
     assert (check.predicted, check.conditions) == (expected.predicted, expected.conditions)
     assert check.notes == expected.notes == ()
@@ -48,18 +48,18 @@ def test_designs_in_several_conditions_are_run_ahead(tmp_path, monkeypatch, thre
     opened = springs(tmp_path)
     problem = Problem(opened, CONDITIONS)
     designs = [found({"family.radius": radius}, context=k) for k, radius in enumerate((4.7e-3, 5.1e-3))]
-    run_ahead(opened.bench, problem, designs, threads)
+    run_ahead(opened.context, problem, designs, threads)
     monkeypatch.setattr(simulate, "run_task", never)
-    soft, hard = (verify(opened.bench, problem, design).verified["quasistatic"] for design in designs)
+    soft, hard = (verify(opened.context, problem, design).verified["quasistatic"] for design in designs)
     assert 0 < soft["max_joint_angle_rad"] < hard["max_joint_angle_rad"]
 
 
 def test_a_design_that_fem_does_not_solve_is_told_by_the_check(tmp_path, threads):
     opened = springs(tmp_path)
     problem, design = Problem(opened, CONDITIONS), found({**RADIUS, "family.defect": "stuck"})
-    run_ahead(opened.bench, problem, [design], threads)
+    run_ahead(opened.context, problem, [design], threads)
     assert any(
-        "Direct FEM of the design failed" in note for note in verify(opened.bench, problem, design).notes
+        "Direct FEM of the design failed" in note for note in verify(opened.context, problem, design).notes
     )
 
 
@@ -70,13 +70,13 @@ def test_one_process_and_a_single_run_are_left_to_the_check(
     opened = springs(tmp_path)
     monkeypatch.setattr(check_runs, "run_in", never)
     executor = InlineExecutor() if alone else threads
-    run_ahead(opened.bench, Problem(opened, conditions), [found(RADIUS)], executor)
-    assert not (opened.bench.store.root / "simulate").exists()
+    run_ahead(opened.context, Problem(opened, conditions), [found(RADIUS)], executor)
+    assert not (opened.context.store.root / "simulate").exists()
 
 
 def test_short_runs_are_left_to_the_check(tmp_path, monkeypatch, threads):
     opened = springs(tmp_path)
     monkeypatch.setattr(check_runs, "WORTH_S", 1e6)
     monkeypatch.setattr(check_runs, "run", never)
-    run_ahead(opened.bench, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
-    assert len([p for p in (opened.bench.store.root / "simulate").iterdir() if p.is_dir()]) == 1
+    run_ahead(opened.context, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
+    assert len([p for p in (opened.context.store.root / "simulate").iterdir() if p.is_dir()]) == 1

@@ -34,11 +34,11 @@ objective: {maximize: bend_angle}
 
 def same_as_simulated(one, problem, seeds):
     """Compare evaluations of random candidates with the stages of `pliant simulate`."""
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
     for seed in seeds:
         values = bench.drawn(problem, seed)
         found = evaluator.evaluate(values)
-        stages = simulate_study(one.bench, problem.apply(values, 0)).engines[0].result
+        stages = simulate_study(one.context, problem.apply(values, 0)).engines[0].result
         assert found.state == "ok", found.cause
         assert found.simulations == 1
         told = {n: v for n, v in stages.metrics.items() if isinstance(v, int | float)}
@@ -67,7 +67,7 @@ def test_stated_laws_and_a_meta_models_give_what_the_stages_give(tmp_path):
 
 def test_the_closed_form_for_a_hinge_and_the_sign_in_a_maximised_objective(tmp_path):
     one, problem = bench.hinge(tmp_path, ANGLE)
-    found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+    found = Evaluator(one.context, problem).evaluate({"pressure": 8e3})
     assert found.objectives == (pytest.approx(-bench.GAIN * 8e3 / bench.STIFFNESS, rel=1e-9),)
     assert found.metrics["converged"] == 1.0
     assert found.wall_s > 0
@@ -75,17 +75,17 @@ def test_the_closed_form_for_a_hinge_and_the_sign_in_a_maximised_objective(tmp_p
 
 def test_nothing_is_written_to_the_store_by_candidates(tmp_path):
     one, problem = bench.springs(tmp_path, SPRINGS)
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
     evaluator.evaluate(bench.drawn(problem, 0))
-    before = sorted(one.bench.store.root.rglob("*"))
+    before = sorted(one.context.store.root.rglob("*"))
     for seed in (1, 2, 3):
         evaluator.evaluate(bench.drawn(problem, seed))
-    assert sorted(one.bench.store.root.rglob("*")) == before
+    assert sorted(one.context.store.root.rglob("*")) == before
 
 
 def test_two_evaluators_agree_to_the_bit(tmp_path):
     one, problem = bench.opened(tmp_path, bench.SPATIAL, SPATIAL)
-    first, second = Evaluator(one.bench, problem), Evaluator(one.bench, problem)
+    first, second = Evaluator(one.context, problem), Evaluator(one.context, problem)
     candidates = [bench.drawn(problem, seed) for seed in range(4)]
     there = [first.evaluate(values).metrics for values in candidates]
     back = [second.evaluate(values).metrics for values in reversed(candidates)]
@@ -94,7 +94,7 @@ def test_two_evaluators_agree_to_the_bit(tmp_path):
 
 def test_a_broken_constraint_is_refused_without_simulation(tmp_path):
     one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [pressure <= 12 kPa]\n")
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
     found = evaluator.evaluate({"pressure": 15e3})
     assert (found.state, found.simulations, found.objectives) == ("refused", 0, ())
     assert found.violation == pytest.approx(sum(problem.violated({"pressure": 15e3}).values()))
@@ -131,14 +131,14 @@ SPRING = {"family.radius": 5e-3, "chain.modules": 2}
 )
 def test_a_bad_candidate_says_why(tmp_path, bench_of, search, values, state, simulations, cause):
     one, problem = bench_of(tmp_path, search)
-    found = Evaluator(one.bench, problem).evaluate(values)
+    found = Evaluator(one.context, problem).evaluate(values)
     assert (found.state, found.simulations, found.metrics) == (state, simulations, {})
     assert cause in found.cause
 
 
 def test_an_engine_that_raises_is_survived_and_ctrl_c_inside_compiled_code_is_not(tmp_path, monkeypatch):
     one, problem = bench.hinge(tmp_path, ANGLE)
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
 
     def breaks(study, draw=None):
         raise error from cause
@@ -163,7 +163,7 @@ def test_an_engine_that_raises_is_survived_and_ctrl_c_inside_compiled_code_is_no
 def test_a_metric_that_the_task_lacks_is_a_study_error(tmp_path, search):
     one, problem = bench.hinge(tmp_path, search)
     with pytest.raises(UserError, match="'reward'"):
-        Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+        Evaluator(one.context, problem).evaluate({"pressure": 8e3})
 
 
 HANG = ("free_bending, pressure: 10 kPa", "helical_hang, loads: [60 g], pressure: 10 kPa")
@@ -171,7 +171,7 @@ HANG = ("free_bending, pressure: 10 kPa", "helical_hang, loads: [60 g], pressure
 
 def test_what_every_task_measures_is_a_number_whatever_its_own_lists_are_called(tmp_path):
     one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [converged >= 1]\n", HANG)
-    found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+    found = Evaluator(one.context, problem).evaluate({"pressure": 8e3})
     assert (found.state, found.metrics["converged"], found.violation) == ("ok", 1.0, 0.0)
 
 
@@ -188,7 +188,7 @@ conditions:
 @pytest.mark.parametrize(("over", "expected"), [("mean", 0.75), ("worst", 1.0)])
 def test_conditions_are_measured_one_by_one_then_their_mean_or_worst_counts(tmp_path, over, expected):
     one, problem = bench.hinge(tmp_path, f"{CONDITIONS}over_conditions: {over}\n")
-    found = Evaluator(one.bench, problem).evaluate({"pressure": 10e3})
+    found = Evaluator(one.context, problem).evaluate({"pressure": 10e3})
     assert found.conditions["soft"]["bend_angle_rad"] == pytest.approx(1.0, rel=1e-9)
     assert found.conditions["stiff"]["bend_angle_rad"] == pytest.approx(0.5, rel=1e-9)
     assert found.metrics["bend_angle_rad"] == pytest.approx(0.75, rel=1e-9)
@@ -198,7 +198,7 @@ def test_conditions_are_measured_one_by_one_then_their_mean_or_worst_counts(tmp_
 
 def test_a_metric_constraint_counts_by_the_condition_that_breaks_it_most(tmp_path):
     one, problem = bench.hinge(tmp_path, f"{CONDITIONS}constraints: [bend_angle <= 0.4]\n")
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
     both = evaluator.evaluate({"pressure": 10e3})
     assert list(evaluator.evaluate({"pressure": 10e3}, 1).conditions) == ["stiff"]
     soft, stiff = (evaluator.evaluate({"pressure": 10e3}, context).violation for context in (0, 1))
@@ -211,7 +211,7 @@ def test_a_metric_constraint_counts_by_the_condition_that_breaks_it_most(tmp_pat
 def test_a_failing_condition_is_named(tmp_path):
     search = CONDITIONS.replace("20 kPa", "200 kPa").replace("0.02", "0.001")
     one, problem = bench.hinge(tmp_path, search)
-    found = Evaluator(one.bench, problem).evaluate({"pressure": 60e3})
+    found = Evaluator(one.context, problem).evaluate({"pressure": 60e3})
     assert found.state == "failed"
     assert found.cause.startswith("soft: ")
 
@@ -219,7 +219,7 @@ def test_a_failing_condition_is_named(tmp_path):
 def test_use_outside_the_data_is_a_metric(tmp_path):
     domain = ("b_e: 0.04}}", "b_e: 0.04}, domain: {actuation: [0, 15 kPa], deformation: [-0.5, 0.6]}}")
     one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [outside_domain <= 0]\n", domain)
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
     assert evaluator.evaluate({"pressure": 11e3}).violation == 0.0
     beyond = evaluator.evaluate({"pressure": 14e3})
     assert (beyond.state, beyond.metrics["outside_domain"]) == ("ok", 1.0)
@@ -235,8 +235,8 @@ def test_fem_for_each_candidate_is_said_once(tmp_path):
     one, problem = bench.opened(
         tmp_path, text.replace("TASK", "task: {kind: free_bending, pressure: 10 kPa}"), search
     )
-    object.__setattr__(one.bench, "progress", watched)
-    evaluator = Evaluator(one.bench, problem)
+    object.__setattr__(one.context, "progress", watched)
+    evaluator = Evaluator(one.context, problem)
     found = [evaluator.evaluate({"family.radius": radius}) for radius in (4.2e-3, 4.5e-3, 4.8e-3)]
     assert [one.state for one in found] == ["ok"] * 3, found
     assert np.all(np.diff([one.metrics["bend_angle_rad"] for one in found]) < 0)  # thicker is stiffer

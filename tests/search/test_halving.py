@@ -58,7 +58,7 @@ def test_workers_change_nothing(opened, optimized):
     again = "search.confirm={best: 2, change: {chain.payload: 2 g}}"
     study, alone = opened(*HALVED, again), optimized(*HALVED, again, store="alone")
     with ThreadPoolExecutor(2) as pool:
-        both = search_study(study.bench, study.study, executor=pool).value
+        both = search_study(study.context, study.study, executor=pool).value
     assert np.array_equal(alone.history.objectives, both.history.objectives)
     assert [design.objectives for design in alone.best] == [design.objectives for design in both.best]
 

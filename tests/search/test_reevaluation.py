@@ -30,7 +30,7 @@ def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
     history = result.history
     order = apart(history)[:BEST]
     heavier = opened(*NOISY, "chain.payload=2 g")
-    evaluator = Evaluator(heavier.bench, build_search_problem(heavier.bench, heavier.study))
+    evaluator = Evaluator(heavier.context, build_search_problem(heavier.context, heavier.study))
     again = [
         evaluator.evaluate({name: float(column[k]) for name, column in history.values.items()}).objectives[0]
         for k in order
@@ -107,7 +107,7 @@ def test_each_condition_chooses_among_its_own(optimized):
 
 def test_conditions_give_way_to_what_is_tried_again(opened):
     study = opened(*NOISY, LOADED, "search.confirm={change: {chain.payload_kg: 0.002, task.steps: 3}}")
-    problem = reevaluation_problem(build_search_problem(study.bench, study.study))
+    problem = reevaluation_problem(build_search_problem(study.context, study.study))
     values = {v.name: v.variable.low for v in problem.variables}
     for condition in (0, 1):
         tried = problem.apply(values, condition)

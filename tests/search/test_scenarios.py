@@ -30,8 +30,8 @@ def searched(folder, study=None, **changes):
     """Return the hinge, its problem and an evaluator with scenarios."""
     said = {"laws": False, "samples": 16, **changes}
     one, problem = bench.opened(folder, study or bench.HINGE, f"{SEARCH}robust: {said}\n")
-    scenarios = draw_scenarios(problem, one.bench.registry, problem.config.robust)
-    return problem, scenarios, Evaluator(one.bench, problem, scenarios)
+    scenarios = draw_scenarios(problem, one.context.registry, problem.config.robust)
+    return problem, scenarios, Evaluator(one.context, problem, scenarios)
 
 
 def amounts(scenarios, place=0):
@@ -70,7 +70,7 @@ def test_seeds_and_keys_have_separate_streams(tmp_path):
     keys = {"task.pressure": "1 kPa", "surrogate.coefficients.b_e": "10 %"}
 
     def drawn(vary, seed=3):
-        return draw_scenarios(problem, one.bench.registry, robust(vary=vary, samples=200, seed=seed))
+        return draw_scenarios(problem, one.context.registry, robust(vary=vary, samples=200, seed=seed))
 
     alone, both = drawn({"task.pressure": "1 kPa"}), drawn(keys)
     assert np.array_equal(amounts(alone), amounts(both))
@@ -81,7 +81,7 @@ def test_seeds_and_keys_have_separate_streams(tmp_path):
 def test_a_normal_deviation_is_cut_at_three(tmp_path):
     one, problem = bench.hinge(tmp_path, SEARCH)
     config = robust(vary={"task.pressure": {"sd": "200 Pa"}}, samples=1000)
-    found = amounts(draw_scenarios(problem, one.bench.registry, config))
+    found = amounts(draw_scenarios(problem, one.context.registry, config))
     assert np.abs(found).max() <= 600
     assert np.mean(found) == pytest.approx(0, abs=1)
     assert np.std(found) == pytest.approx(200 * 0.9866, rel=0.01)  # of a normal one cut at ±3
@@ -119,15 +119,15 @@ def test_a_family_key_is_off_in_segments_with_their_own_value_too(tmp_path):
 def test_drawn_laws_spread_by_their_error_bar_and_share_numbers_between_candidates(tmp_path):
     search = "variables:\n  family.radius: {low: 4.2 mm, high: 5.4 mm}\nobjective: bend_angle\nrobust: {samples: 12}\n"
     one, problem = bench.springs(tmp_path, search)
-    scenarios = draw_scenarios(problem, one.bench.registry, problem.config.robust)
-    evaluator = Evaluator(one.bench, problem, scenarios)
+    scenarios = draw_scenarios(problem, one.context.registry, problem.config.robust)
+    evaluator = Evaluator(one.context, problem, scenarios)
     near = [evaluator.evaluate({"family.radius": radius}) for radius in (4.7e-3, 4.7e-3 + 1e-8)]
     assert [found.state for found in near] == ["ok", "ok"], near
     off = [np.array(found.scenarios) - found.metrics["bend_angle_rad"] for found in near]
     assert np.ptp(off[0]) > 0
     assert off[1] == pytest.approx(off[0], abs=0.01 * np.ptp(off[0]))
     study = problem.apply({"family.radius": 4.7e-3}, 0)
-    law = build_study_laws(one.bench, study)[0].law.law
+    law = build_study_laws(one.context, study)[0].law.law
     draws = (LawDraw(k, 800, problem.config.robust.seed) for k in range(800))
     require_errors_as_the_bar(law, [evaluator.path.laws.stages(study, one)[0].law.law for one in draws])
 
@@ -186,19 +186,19 @@ def test_cvar_at_a_fifth_is_the_mean_over_the_worst_two_in_ten():
 def test_widths_that_mean_nothing(tmp_path, vary, sentence):
     one, problem = bench.hinge(tmp_path, SEARCH)
     with pytest.raises(UserError) as error:
-        draw_scenarios(problem, one.bench.registry, robust(vary=vary))
+        draw_scenarios(problem, one.context.registry, robust(vary=vary))
     assert sentence in str(error.value)
 
 
 def test_nothing_to_vary_is_an_error(tmp_path):
     one, problem = bench.hinge(tmp_path, SEARCH)
     with pytest.raises(UserError, match="varies nothing"):
-        draw_scenarios(problem, one.bench.registry, robust())
+        draw_scenarios(problem, one.context.registry, robust())
 
 
 def test_what_the_meta_model_cannot_follow_is_said_at_the_start(tmp_path):
     search = "variables:\n  family.radius: {low: 4.2 mm, high: 5.4 mm}\nobjective: bend_angle\n"
     one, problem = bench.springs(tmp_path, f"{search}robust: {{vary: {{material.shear_modulus: 5 %}}}}\n")
-    scenarios = draw_scenarios(problem, one.bench.registry, problem.config.robust)
+    scenarios = draw_scenarios(problem, one.context.registry, problem.config.robust)
     with pytest.raises(UserError, match=r"material\.shear_modulus.*sweep.*effects"):
-        Evaluator(one.bench, problem, scenarios)
+        Evaluator(one.context, problem, scenarios)

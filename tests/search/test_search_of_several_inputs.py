@@ -75,7 +75,7 @@ def opened(tmp_path_factory):
 
 def test_a_candidate_bends_as_its_closed_form_says(opened):
     one, problem = opened
-    evaluator = Evaluator(one.bench, problem)
+    evaluator = Evaluator(one.context, problem)
     for height, wall in ((17e-3, 1.7e-3), (18.5e-3, 1.6e-3)):
         found = evaluator.evaluate({"family.height": height, "family.wall": wall})
         assert found.state == "ok", found.cause
@@ -101,7 +101,7 @@ def test_the_search_finds_the_best_design_in_closed_form(opened):
 def test_the_check_by_fem_is_as_wide_as_the_table_and_the_inputs(opened):
     """One largest pressure for both chambers: the table's 40 kPa, or 5 % above the largest of a task."""
     one, _ = opened
-    wider = changed(one.bench.registry, one.study, {"task.inputs.pressure_2_pa": 50e3})
-    assert default_fem(one.bench, [one.study]).pressure_max_pa == pytest.approx(TOP_PA)
-    fem = default_fem(one.bench, [one.study, wider])
+    wider = changed(one.context.registry, one.study, {"task.inputs.pressure_2_pa": 50e3})
+    assert default_fem(one.context, [one.study]).pressure_max_pa == pytest.approx(TOP_PA)
+    fem = default_fem(one.context, [one.study, wider])
     assert fem.actuation_max("pressure_1_pa, pressure_2_pa") == pytest.approx([52.5e3, 52.5e3])

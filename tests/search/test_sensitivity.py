@@ -133,8 +133,8 @@ search:
 def test_the_real_evaluator_about_a_real_design(tmp_path):
     (tmp_path / "reach.yaml").write_text(REACH)
     opened = api.open_study(tmp_path / "reach.yaml", store=tmp_path / "store")
-    problem = SearchProblem.from_study(opened.study, opened.bench.registry)
-    evaluator = RealEvaluator(opened.bench, problem)
+    problem = SearchProblem.from_study(opened.study, opened.context.registry)
+    evaluator = RealEvaluator(opened.context, problem)
     values = {"n": 7, "task.pressure": 6e3}
     at_best = evaluator.evaluate(values)
     best = found(values, conditions=at_best.conditions)

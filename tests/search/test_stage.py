@@ -82,7 +82,7 @@ def test_the_slopes_in_a_robust_search_are_undisturbed_on_workers_too(opened, op
     changes = (robust, "search.budget=4", UNCHECKED)
     study = opened(*changes)
     with ThreadPoolExecutor(2) as pool:
-        many = search_study(study.bench, study.study, executor=pool).value
+        many = search_study(study.context, study.study, executor=pool).value
     alone = optimized(*changes, store="other")
     assert [slope.name for slope in many.slopes] == ["task.pressure", "chain.module_length"]
     for one, other in zip(many.slopes, alone.slopes, strict=True):
@@ -143,12 +143,12 @@ def test_several_objectives_give_a_front(optimized):
 
 def test_several_objectives_name_the_optimizers_that_can(opened):
     study = opened("search.objective=[tip_x, tip_z]")
-    registry = study.bench.registry
+    registry = study.context.registry
     apart = ("optuna", "ppo", "pymoo")  # torch takes seconds to import
     light = tuple(c for c in registry.components if c.kind not in apart)
-    bench = replace(study.bench, registry=replace(registry, components=light))
+    context = replace(study.context, registry=replace(registry, components=light))
     with pytest.raises(UserError, match=r"'narrowing' minimises one objective .* use front( or .*)?, or"):
-        search_study(bench, study.study, workers=1)
+        search_study(context, study.study, workers=1)
 
 
 @pytest.mark.parametrize(
@@ -158,8 +158,8 @@ def test_several_objectives_name_the_optimizers_that_can(opened):
 def test_a_metric_that_the_task_does_not_measure_is_named_before_anything_is_simulated(opened, change):
     study = opened(change)
     with pytest.raises(UserError, match="no metric of its task"):
-        search_study(study.bench, study.study, workers=1)
-    assert not list(study.bench.store.root.rglob("*.jsonl"))
+        search_study(study.context, study.study, workers=1)
+    assert not list(study.context.store.root.rglob("*.jsonl"))
 
 
 def test_another_task_in_a_condition_may_measure_something_else(opened, optimized):
@@ -168,7 +168,7 @@ def test_another_task_in_a_condition_may_measure_something_else(opened, optimize
     assert optimized(hang, *changes, change=(OWN, OWN.partition("\n")[2])).evaluations == 1
     engine = "search.variables.engine={key: physics.kind, choices: [quasistatic, mujoco]}"
     study = opened(engine, hang, change=(OWN, OWN.partition("\n")[2]))
-    kinds = {c.kind for c in search_components(study.bench, study.study)}
+    kinds = {c.kind for c in search_components(study.context, study.study)}
     assert {"quasistatic", "mujoco", "free_bending", "helical_hang"} <= kinds
 
 
@@ -227,7 +227,7 @@ def test_where_the_nominal_design_is_the_most_robust_the_words_say_so(optimized)
 def test_a_robust_search_goes_on_where_the_nominal_design_stays(opened, optimized):
     changes = (ROBUST, "search.until=abs(tip_x - 10 mm) < 0.5 mm", UNCHECKED)
     once = optimized(*changes, "search.budget=30")
-    journals = opened(*changes).bench.store.root / JOURNALS
+    journals = opened(*changes).context.store.root / JOURNALS
     before = set(journals.iterdir())
     assert len(before) == 2  # of the nominal search and of the robust one
     again = optimized(*changes, "search.budget=40")
@@ -237,9 +237,9 @@ def test_a_robust_search_goes_on_where_the_nominal_design_stays(opened, optimize
 
 def test_the_optimizers_files_are_kept(opened):
     study = opened("search.budget=12")
-    made = search_study(study.bench, study.study, workers=1)
+    made = search_study(study.context, study.study, workers=1)
     assert made.value.files == ("best.txt",)
-    assert "task.pressure" in (files_folder(study.bench, made) / "best.txt").read_text()
+    assert "task.pressure" in (files_folder(study.context, made) / "best.txt").read_text()
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_what_a_search_depends_on(opened, change, again):
     keys = []
     for changes in ((), (change,)):
         study = opened("search.budget=12", UNCHECKED, *changes)
-        keys.append(search_study(study.bench, study.study, workers=1).key)
+        keys.append(search_study(study.context, study.study, workers=1).key)
     assert (keys[0] != keys[1]) == again
 
 

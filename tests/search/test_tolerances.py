@@ -23,7 +23,7 @@ def said(folder, vary, low="4 mm", high="5.5 mm", more="", extrapolate=""):
         block = study.meta_model.model_copy(update={"extrapolate": True})
         study = study.model_copy(update={"meta_model": block})
         object.__setattr__(problem, "study", study)
-    return tolerance_notes(one.bench, problem, evaluator_from_study(one.bench, study).scenarios)
+    return tolerance_notes(one.context, problem, evaluator_from_study(one.context, study).scenarios)
 
 
 def test_a_variables_range_with_its_tolerance_is_told_beside_the_meta_models(tmp_path):
@@ -67,8 +67,8 @@ def test_what_cannot_be_varied_is_said_before_the_nominal_search(tmp_path, vary,
     more = f"robust: {{samples: 2, vary: {vary}}}\nbudget: 1\nverify: null"
     one, _ = bench.springs(tmp_path, SEARCH.format(low="4.2 mm", high="5 mm", more=more))
     with pytest.raises(UserError, match=sentence):
-        search_study(one.bench, one.study, workers=1)
-    assert not list(one.bench.store.root.glob("search/*"))
+        search_study(one.context, one.study, workers=1)
+    assert not list(one.context.store.root.glob("search/*"))
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def test_a_search_notes_it_once(tmp_path):
     watched = Watched()
     more = "robust: {samples: 2, laws: false, vary: {family.radius: 0.1 mm}}\nbudget: 1\nverify: null"
     one, _ = bench.springs(tmp_path, SEARCH.format(low="4 mm", high="5 mm", more=more))
-    object.__setattr__(one.bench, "progress", watched)
-    search_study(one.bench, one.study, workers=1)
+    object.__setattr__(one.context, "progress", watched)
+    search_study(one.context, one.study, workers=1)
     assert [note for note in watched.notes if "tolerance" in note] == [watched.notes[0]]
     assert "keep it within 4.1 mm to 5 mm" in watched.notes[0]

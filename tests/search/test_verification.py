@@ -29,7 +29,7 @@ class Problem:
     """A problem that applies values of dotted keys, and conditions, to a study."""
 
     def __init__(self, opened, conditions=None):
-        self.study, self.registry = opened.study, opened.bench.registry
+        self.study, self.registry = opened.study, opened.context.registry
         self.config = opened.study.search
         self.changes = conditions or {"": {}}
         self.conditions = tuple(SimpleNamespace(name=name) for name in self.changes)
@@ -52,7 +52,7 @@ def springs(folder, *changes, verify_block="{}", fem=SPRINGS):
 def checked(folder, *changes, values=RADIUS, **how):
     """Return the check of a design of these springs."""
     opened = springs(folder, *changes, **how)
-    return verify(opened.bench, Problem(opened), found(values))
+    return verify(opened.context, Problem(opened), found(values))
 
 
 def test_the_verified_metrics_equal_the_design_s_own_fem(tmp_path):
@@ -77,9 +77,9 @@ def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setenv("SPRINGS_LOG", str(tmp_path / "log"))
     opened = springs(tmp_path)
-    first = verify(opened.bench, Problem(opened), found(RADIUS))
+    first = verify(opened.context, Problem(opened), found(RADIUS))
     once = sum(solved(tmp_path / "log").values())
-    again = verify(opened.bench, Problem(opened), found(RADIUS))
+    again = verify(opened.context, Problem(opened), found(RADIUS))
     assert once > 0
     assert sum(solved(tmp_path / "log").values()) == once
     assert again.verified == first.verified
@@ -90,15 +90,15 @@ def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
 def test_metrics_are_means_over_the_conditions(tmp_path):
     conditions = "conditions: {soft: {task.pressure: 5 kPa}, hard: {task.pressure: 10 kPa}}"
     opened = springs(tmp_path, ("objective: tip_x,", f"objective: tip_x, {conditions},"))
-    problem = SearchProblem.from_study(opened.study, opened.bench.registry)
-    check = verify(opened.bench, problem, found({"family.radius": 5.1e-3}))
+    problem = SearchProblem.from_study(opened.study, opened.context.registry)
+    check = verify(opened.context, problem, found({"family.radius": 5.1e-3}))
     each = check.conditions["quasistatic"]
     truth = {name: meta_bench.free_angle(5.1e-3, 8.6e-3, p) for name, p in (("soft", 5e3), ("hard", 10e3))}
     assert {name: each[name]["max_joint_angle_rad"] for name in each} == pytest.approx(truth, rel=1e-6)
     mean = np.mean(list(truth.values()))
     assert check.verified["quasistatic"]["max_joint_angle_rad"] == pytest.approx(mean, rel=1e-6)
     assert [law["name"] for law in check.laws] == ["radius 5.1 mm"]
-    own = verify(opened.bench, problem, found({"family.radius": 5.1e-3}, context=1))
+    own = verify(opened.context, problem, found({"family.radius": 5.1e-3}, context=1))
     assert list(own.conditions["quasistatic"]) == ["hard"]
 
 
@@ -120,7 +120,7 @@ def test_every_distinct_design_is_solved_and_named_by_what_differs(tmp_path):
 
 def test_an_engine_that_cannot_is_a_note_and_the_others_answer(tmp_path):
     opened = springs(tmp_path, ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]"))
-    bench, problem = opened.bench, Problem(opened)
+    bench, problem = opened.context, Problem(opened)
     components = tuple(c for c in bench.registry.components if c.kind != "mujoco")
     broken = [
         dataclasses.replace(c, requires=("no_such_package",))
@@ -139,11 +139,11 @@ def test_an_engine_that_breaks_inside_compiled_code_is_a_note_and_ctrl_c_there_i
 
     monkeypatch.setattr(verification, "run_in", breaks)
     opened, cause = springs(tmp_path, verify_block="{fem: false}"), None
-    check = verify(opened.bench, Problem(opened), found(RADIUS))
+    check = verify(opened.context, Problem(opened), found(RADIUS))
     assert check.notes[0] == "quasistatic, with the laws of the search: SystemError: returned NULL"
     cause = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
-        verify(opened.bench, Problem(opened), found(RADIUS))
+        verify(opened.context, Problem(opened), found(RADIUS))
 
 
 def test_the_search_block_may_leave_fem_out(tmp_path):
@@ -156,12 +156,12 @@ def test_the_search_block_may_leave_fem_out(tmp_path):
 def test_a_study_without_fem_gets_one_that_covers_table_and_task(tmp_path):
     opened = springs(tmp_path, fem="")
     task = ("task.pressure", 20e3)
-    studies = [opened.study, changed(opened.bench.registry, opened.study, dict([task]))]
-    assert default_fem(opened.bench, studies[:1]).pressure_max_pa == 15e3
-    fem = default_fem(opened.bench, studies)
+    studies = [opened.study, changed(opened.context.registry, opened.study, dict([task]))]
+    assert default_fem(opened.context, studies[:1]).pressure_max_pa == 15e3
+    fem = default_fem(opened.context, studies)
     assert fem.pressure_max_pa == pytest.approx(21e3)
     assert fem.self_contact == "end"
-    direct, said = direct_studies(opened.bench, studies)
+    direct, said = direct_studies(opened.context, studies)
     assert [study.meta_model for study in direct] == [None, None]
     assert [study.fem.pressure_max_pa for study in direct] == [fem.pressure_max_pa] * 2
     assert "no 'fem' block" in said[0]
@@ -188,18 +188,18 @@ def test_a_missing_material_shows_before_the_search(tmp_path):
 def test_a_wrong_change(tmp_path, change, sentence):
     opened = springs(tmp_path)
     with pytest.raises(UserError, match=sentence):
-        changed(opened.bench.registry, opened.study, change)
+        changed(opened.context.registry, opened.study, change)
     search = opened.study.search.model_copy(update={"verify": VerifyConfig(change=change)})
     with pytest.raises(UserError, match=sentence):
-        check_verifiable(opened.study.model_copy(update={"search": search}), opened.bench.registry)
+        check_verifiable(opened.study.model_copy(update={"search": search}), opened.context.registry)
 
 
 def test_misses_by_a_law_that_is_off_by_a_known_share(tmp_path):
     opened = springs(tmp_path)
-    direct, _ = direct_studies(opened.bench, [opened.study])
+    direct, _ = direct_studies(opened.context, [opened.study])
     from pliant.pipeline.study import build_study_laws
 
-    (stages,) = build_study_laws(opened.bench, direct[0])
+    (stages,) = build_study_laws(opened.context, direct[0])
     data = stages.fem.value
 
     class Off:
@@ -244,7 +244,7 @@ def test_the_published_bellow_law_against_its_own_fem(tmp_path):
     pytest.importorskip("mujoco")
     (tmp_path / "finger.yaml").write_text(FINGER)
     opened = api.open_study(tmp_path / "finger.yaml", store=tmp_path / "store")
-    check = verify(opened.bench, Problem(opened), found({"chain.modules": 5}))
+    check = verify(opened.context, Problem(opened), found({"chain.modules": 5}))
     assert "states a law" in check.notes[0]
     assert list(check.verified) == ["quasistatic", "mujoco"]
     one, other = (check.verified[engine]["tip_x_m"] for engine in check.verified)

@@ -161,6 +161,6 @@ def test_torch_counts_in_the_fit_key() -> None:
         def make(self, recipe: Recipe, *others: object) -> None:
             asked.append(recipe)
 
-    bench = RunContext(Registry((component,)), cast(ArtifactStore, Store()))
-    bench.make("fit", lambda _: None, components=[component], modules=[], config={}, inputs={})
+    context = RunContext(Registry((component,)), cast(ArtifactStore, Store()))
+    context.make("fit", lambda _: None, components=[component], modules=[], config={}, inputs={})
     assert asked[0].libraries["torch"] == version("torch")

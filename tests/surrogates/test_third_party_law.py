@@ -138,9 +138,9 @@ def test_states_in_self_contact_reach_the_fits_that_ask_for_them(
     (tmp_path / "fem.csv").write_text(TABLE)
     here = f"{__name__}:"
     component = Component("surrogate", "banded", f"{here}BandedConfig", f"{here}{cls}", "a stand-in")
-    bench = RunContext(Registry((component,)), ArtifactStore(tmp_path / "store"))
+    context = RunContext(Registry((component,)), ArtifactStore(tmp_path / "store"))
     BandedFit.seen.clear()
-    stage = law_stage(bench, BandedConfig(data=tmp_path / "fem.csv"), None)
+    stage = law_stage(context, BandedConfig(data=tmp_path / "fem.csv"), None)
     (seen,) = BandedFit.seen
     assert len(seen) == states
     assert ("self_contact" in seen.status) == (states == 6)

@@ -99,7 +99,7 @@ def test_the_chain_length_needs_no_law(tmp_path: Path) -> None:
         {"rigid": {"module_lengths": 1, "length": "3 mm", "section": "module"}},
     ]
     study = opened(tmp_path, family={"kind": "bellow_bending", **FINGER}, chain={"segments": segments})
-    assert chain_length_m(study.bench, study.study) == pytest.approx(0.0065 + 0.044 + 0.018 + 0.012)
+    assert chain_length_m(study.context, study.study) == pytest.approx(0.0065 + 0.044 + 0.018 + 0.012)
 
 
 def test_the_length_equals_the_chain_that_is_built(tmp_path: Path) -> None:
@@ -112,4 +112,4 @@ def test_the_length_equals_the_chain_that_is_built(tmp_path: Path) -> None:
     study = opened(tmp_path, surrogate=LAW, chain=chain, task={"kind": "free_bending", "pressure": 0})
     built = api.simulate(study).chain
     assert built is not None
-    assert chain_length_m(study.bench, study.study) == pytest.approx(built.length_m)
+    assert chain_length_m(study.context, study.study) == pytest.approx(built.length_m)

@@ -41,7 +41,7 @@ from benchmarks.evidence.tasks import INTERVAL_PROTOCOL, group_tasks
 from benchmarks.evidence.truths import CLEAN, PARAMETERS
 
 from pliant import api
-from pliant.evidence.places import run_residuals
+from pliant.evidence.error_bins import run_residuals
 
 # CSVs of the bed of exact laws as they were before this bed: its sets do not change, bit for bit.
 BEFORE = {

@@ -19,7 +19,7 @@ def doctor(
     out: Annotated[Path | None, report_folder("doctor")] = None,
 ) -> None:
     """Check a study's magnitudes, law, rest pose, engines, keys and defaults; what is doubtful comes first."""
-    loaded, bench = here.study(study, overrides), here.bench()
+    loaded, context = here.study(study, overrides), here.context()
     folder = out or Path("runs") / f"{loaded.name}-doctor"
     check_writable(folder)
-    here.show(self_check_document(loaded.name, self_check(bench, loaded)), folder)
+    here.show(self_check_document(loaded.name, self_check(context, loaded)), folder)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from pliant import api
 from pliant.cli.bars import fitting_bar
 from pliant.cli.options import (
     Fitters,
@@ -22,16 +23,12 @@ from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
 from pliant.diagnosis.candidates import candidate_kinds
-from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.evidence.compared import compare_model
-from pliant.evidence.prediction import Predictor, read_study_measurement
-from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import displayed_in
 from pliant.measurements.files import expand_sources
 from pliant.measurements.written_units import units_as_written
-from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
 from pliant.registry.data_kind import MeasuredData, open_data
 from pliant.report.comparison import comparison_document
@@ -68,19 +65,20 @@ def compare(
     scheduler: Scheduler = None,
 ) -> None:
     """Compare the model with measurements: errors, noise floor, where it fails."""
-    loaded, bench = here.study(study, overrides), here.bench()
+    loaded = here.study(study, overrides)
+    opened = api.OpenStudy(loaded, here.context())
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
     if (other := _other_data(here, loaded, data)) is not None:
         check_writable(folder)
-        here.show(other.compare(bench, who)[1](), folder)
+        here.show(other.compare(opened.context, who)[1](), folder)
         return
-    measurement = read_session_measurement(here, bench, loaded, data)
-    predictor = Predictor.from_study(bench, loaded, measurement)
+    measurement = read_session_measurement(here, opened, data)
+    predictor = api.predictor(opened, measurement)
     check_writable(folder)
     predicted, comparison = compare_model(predictor)
     here.measured(loaded, measurement)
-    bands, remark = study_bands(bench, loaded, measurement)
+    bands, remark = study_bands(opened.context, loaded, measurement)
     here.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
 
 
@@ -101,23 +99,22 @@ def diagnose(
     """Diagnose which physical effect is missing, how sure that is, and what to measure next."""
     loaded = here.study(study, overrides)
     here.leave_out_broken_effects()
-    bench = here.bench()
+    opened = api.OpenStudy(loaded, here.context())
+    context = opened.context
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
     if (other := _other_data(here, loaded, data)) is not None:
-        candidates = other.candidates(bench.registry, effect)
+        candidates = other.candidates(context.registry, effect)
         check_writable(folder)
-        here.show(other.diagnose(bench, candidates, who)[1](), folder if page else None)
+        here.show(other.diagnose(context, candidates, who)[1](), folder if page else None)
         return
     kinds = candidate_kinds(here.registry, effect or None)
-    measurement = read_session_measurement(here, bench, loaded, data)
+    measurement = read_session_measurement(here, opened, data)
     check_writable(folder)
 
     def answer() -> tuple[Document, dict[str, str]]:
-        predictor = Predictor.from_study(bench, loaded, measurement)
-        own = own_runs(loaded, predictor.chain, measurement)
         with fitting_bar(here.progress, len(kinds)) as bar:
-            found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=who)
+            found = api.diagnose(opened, measurement, kinds=kinds, tick=bar.tick, workers=who)
         planned = found.next_run.planned if found.next_run is not None else None
         runs = [(NEXT_RUN, planned)] if planned is not None else []
         files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
@@ -130,7 +127,7 @@ def diagnose(
     # The file of the next run names the study, the data and the folder by their paths.
     paths = [str(path) for path in (Path.cwd(), study, folder, *(data or ()))]
     options = {"kinds": kinds, "asked": effect or [], "paths": paths, "page": page}
-    stored = stored_answer(Question(bench, loaded, measurement, options, MODULES), answer, page)
+    stored = stored_answer(Question(context, loaded, measurement, options, MODULES), answer, page)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     for file, text in stored.files.items():
         write_atomically(folder / file, text)
@@ -139,10 +136,10 @@ def diagnose(
 
 
 def read_session_measurement(
-    here: Session, bench: RunContext, study: Study, data: Sequence[Path] | None
+    here: Session, opened: api.OpenStudy, data: Sequence[Path] | None
 ) -> Measurement:
     """Return the study's measurement, or that of `data`; from here on quantities are shown in its file's units."""
-    measurement = read_study_measurement(bench, study, data)
+    measurement = api.read_measurement(opened, data)
     here.until_end.enter_context(displayed_in(units_as_written(measurement)))
     return measurement
 

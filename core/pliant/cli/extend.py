@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
+from pliant import api
 from pliant.cli.evidence import DataFile, read_session_measurement
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session
 from pliant.config.study import Study
 from pliant.diagnosis.candidates import candidate_kinds
-from pliant.diagnosis.extension import Ground, write_extended_study
-from pliant.diagnosis.extension import extend as extend_with
+from pliant.diagnosis.extension import write_extended_study
 from pliant.errors import UserError
 from pliant.report.extension import extension_document, origin
 
@@ -48,14 +48,12 @@ def extend(
     kinds = _kinds(here, loaded, effect, refit)
     target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
     check_target(study, target, force)
-    bench = here.bench()
-    measurement = read_session_measurement(here, bench, loaded, data)
-    ground = Ground.from_study(bench, loaded, measurement)
-    found = extend_with(ground, loaded.effects, kinds)
+    opened = api.OpenStudy(loaded, here.context())
+    measurement = read_session_measurement(here, opened, data)
+    found = api.extend(opened, kinds, measurement)
     here.measured(loaded, measurement)
     here.result["out"] = None
-    remarks = tuple(ground.predictor.remarks)
-    here.show(extension_document(loaded.name, measurement, found, here.registry, remarks))
+    here.show(extension_document(loaded.name, measurement, found, here.registry))
     if found.absent:
         here.exit_code = NOT_REACHED
         return

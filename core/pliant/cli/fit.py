@@ -108,13 +108,13 @@ def _fit_study(here: Session, loaded: Study, out: Path | None, learning: bool) -
     """Fit the law of each distinct design of a study; with `out` write the page of the fit."""
     if out is not None:
         check_writable(out)
-    bench = here.bench()
-    designs = build_study_laws(bench, loaded)
+    context = here.context()
+    designs = build_study_laws(context, loaded)
     shown = [d for d in designs if out is not None or d.law.report is not None]
-    fitted = fitted_designs(bench, shown, learning and out is not None)
+    fitted = fitted_designs(context, shown, learning and out is not None)
     inputs = loaded.canonical()
     document = laws_document(loaded.name, designs, fitted, inputs)
-    here.show(document, out, stored_fit_page(bench, document, fitted, inputs))
+    here.show(document, out, stored_fit_page(context, document, fitted, inputs))
 
 
 def fit_table(
@@ -129,9 +129,9 @@ def fit_table(
     if out is not None:
         _check_free(source, kind, out)
         check_writable(out)
-    bench = here.bench()
+    context = here.context()
     try:
-        stages, own = _fitted(bench, source, kind, learning and out is not None)
+        stages, own = _fitted(context, source, kind, learning and out is not None)
     except UserError:
         if out is not None and not any(out.iterdir()):
             out.rmdir()
@@ -142,7 +142,7 @@ def fit_table(
     for other in here.registry.kinds("surrogate") if compare else ():
         try:
             with blamed_on(here.registry.get("surrogate", other), "fit"):
-                fitted += [_fitted(bench, source, other, False)[1]] if other != kind else []
+                fitted += [_fitted(context, source, other, False)[1]] if other != kind else []
         except (UserError, MissingDependencyError) as error:
             problems[other] = str(error)
     document = table_document(source, stages, fitted, problems)
@@ -151,13 +151,13 @@ def fit_table(
         return
     here.result.update(document.data)
     document = replace(document, brief=(*document.brief, _write_study(here, source, kind, own.law, out)))
-    here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
+    here.show(document, out, stored_fit_page(context, document, fitted[:1], {}, fitted))
 
 
-def _fitted(bench: RunContext, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
-    stages = law_from_table(bench, source, kind)
+def _fitted(context: RunContext, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
+    stages = law_from_table(context, source, kind)
     config: Any = stages.design.surrogate
-    return stages, fitted_law(bench, kind, config, stages.law, learning=learning, source=source.name)
+    return stages, fitted_law(context, kind, config, stages.law, learning=learning, source=source.name)
 
 
 def _check_free(source: Path, kind: str, out: Path) -> None:

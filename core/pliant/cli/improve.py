@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pliant import api
 from pliant.cli.bars import fitting_bar
 from pliant.cli.evidence import Candidates, DataFile, read_session_measurement
 from pliant.cli.options import (
@@ -24,7 +25,6 @@ from pliant.cli.options import (
 from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.extension import write_extended_study
-from pliant.diagnosis.improvement import improve as improve_with
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
 
@@ -71,13 +71,12 @@ def improve(
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
-    bench = here.bench()
-    measurement = read_session_measurement(here, bench, loaded, data)
+    opened = api.OpenStudy(loaded, here.context())
+    measurement = read_session_measurement(here, opened, data)
     check_writable(folder)
     with fitting_bar(here.progress, len(kinds)) as bar:
-        found = improve_with(
-            bench,
-            loaded,
+        found = api.improve(
+            opened,
             measurement,
             kinds=kinds,
             learned=learned,

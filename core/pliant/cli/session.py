@@ -127,7 +127,7 @@ class Session:
         """Return the progress display on standard error."""
         return TerminalProgress(self.err, self.quiet)
 
-    def bench(self) -> RunContext:
+    def context(self) -> RunContext:
         """Return a workbench on the verb's store."""
         return RunContext(
             self.registry, ArtifactStore(self.store.expanduser(), self.study_name), self.progress

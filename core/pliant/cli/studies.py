@@ -62,18 +62,18 @@ def run(
     loaded = here.study(study, overrides)
     folder = out or Path("runs") / loaded.name
     started = time.perf_counter()
-    bench = here.bench()
-    check_study(bench, loaded)
+    context = here.context()
+    check_study(context, loaded)
     check_writable(folder)
     if loaded.chain is None or loaded.task is None:
-        laws = build_study_laws(bench, loaded)
+        laws = build_study_laws(context, loaded)
         done = StudyRun(loaded, laws)
     else:
-        done = checked_run(bench, simulate_study(bench, loaded))
+        done = checked_run(context, simulate_study(context, loaded))
     summary = plain(run_json(done, folder))
     write_folder(folder, done, summary)
     read = finished(done, summary)
-    here.show(run_document(read, run_lines(done)), folder, stored_run_page(bench, done, read))
+    here.show(run_document(read, run_lines(done)), folder, stored_run_page(context, done, read))
     here.result["wall_s"] = time.perf_counter() - started
     here.say(f"time     {seconds(here.result['wall_s'])} in all")
     _exit_unless_converged(here, done)
@@ -93,26 +93,26 @@ def fem(
     """Solve only the FEM data set with its page, of one design or of the study's sweep; resumes where interrupted."""
     loaded = here.study(study, overrides, uses=["sweep"])
     folder = out or Path("runs") / loaded.name
-    bench = here.bench()
+    context = here.context()
     loaded.need("family", "FEM")
     write_fields = fields_writer(fields, fields_of)
     if loaded.block("sweep") is not None:
         if write_fields is not None:
             raise UserError(f"--fields is for one design; study '{loaded.name}' has a 'sweep'.")
-        package_function("report_sweep", "pliant_designs")(here, bench, loaded, folder, workers, scheduler)
+        package_function("report_sweep", "pliant_designs")(here, context, loaded, folder, workers, scheduler)
         return
     if workers is not None or scheduler is not None:
         raise UserError(f"--workers and --scheduler are for a sweep; study '{loaded.name}' has no 'sweep'.")
-    check_study(bench, loaded)
+    check_study(context, loaded)
     check_writable(folder)
-    artifacts = solve_study_fem(bench, loaded)
+    artifacts = solve_study_fem(context, loaded)
     tables = [folder / table_name(number) for number in range(len(artifacts))]
     for artifact, table in zip(artifacts, tables, strict=True):
         write_table(artifact.value, table, material_parameters(loaded.need("material", "FEM")))
     if write_fields is not None:
-        write_fields(here, bench, loaded, artifacts)
+        write_fields(here, context, loaded, artifacts)
     document = fem_document(loaded, artifacts, [str(table) for table in tables])
-    here.show(document, folder, stored_fem_page(bench, loaded, artifacts))
+    here.show(document, folder, stored_fem_page(context, loaded, artifacts))
     if here.result["failed"]:
         here.exit_code = NOT_CONVERGED
 
@@ -125,8 +125,8 @@ def simulate(
 ) -> None:
     """Simulate the chain in the chosen physics under the study's task."""
     loaded = here.study(study, [*(overrides or ()), "cross_check=[]"])
-    bench = here.bench()
-    done = checked_run(bench, simulate_study(bench, loaded))
+    context = here.context()
+    done = checked_run(context, simulate_study(context, loaded))
     here.show(simulation_document(done))
     _exit_unless_converged(here, done)
 

@@ -122,7 +122,7 @@ def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
     if all(law.error is None for law in predictor.chain.laws):
         return None
     chains = drawn_chains(predictor.chain, count, SEED)
-    return [Predictor(predictor.bench, predictor.backend, chain, predictor.measurement) for chain in chains]
+    return [Predictor(predictor.context, predictor.backend, chain, predictor.measurement) for chain in chains]
 
 
 def _moments(
@@ -147,16 +147,16 @@ def _moments(
     return means, variances
 
 
-def study_bands(bench: RunContext, study: Study, measurement: Measurement) -> tuple[Bands | None, str]:
+def study_bands(context: RunContext, study: Study, measurement: Measurement) -> tuple[Bands | None, str]:
     """Return bands of a study's model on measured runs, or None and a sentence on why its block is not used.
 
     Args:
-        bench, study, measurement: as for `Predictor.from_study`.
+        context, study, measurement: as for `Predictor.from_study`.
     """
     try:
-        kept = kept_posterior(bench.registry, study)
+        kept = kept_posterior(context.registry, study)
     except UserError as error:
         return None, str(error)
     if kept is None:
         return None, ""
-    return bands(Ground.from_study(bench, study, measurement).predictor, kept.posterior, kept.scatter), ""
+    return bands(Ground.from_study(context, study, measurement).predictor, kept.posterior, kept.scatter), ""

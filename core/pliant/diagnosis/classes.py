@@ -303,7 +303,7 @@ def design_runs(
         kinds: effects.
         most_runs, minutes: maximum number of runs, and their maximum total duration.
     """
-    registry = predictor.bench.registry
+    registry = predictor.context.registry
     view = CatalogueView.from_predictor(predictor, runs, _scales(predictor, runs), READING_S)
     fitter = Fitter(view.predictor, view.readings)
     chosen_kinds, left_out = applicable(registry, fitter, kinds)

@@ -51,8 +51,8 @@ from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.compared import predict_knowing
 from pliant.evidence.covariates import covariates
+from pliant.evidence.error_bins import run_residuals
 from pliant.evidence.importance import importance
-from pliant.evidence.places import run_residuals
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
@@ -178,7 +178,7 @@ def diagnose(
         NotReachedError: the model has no equilibrium in most of the measured states.
     """
     started = time.perf_counter()
-    registry = predictor.bench.registry
+    registry = predictor.context.registry
     asked = candidate_kinds(registry, kinds)
     known, unknown = with_known_states(predictor.measurement)
     short, shortened = downsample(known, len(predictor.chain.axes) > 1)
@@ -318,7 +318,7 @@ def _ways_to_excite(
     view: CatalogueView, registry: Registry, shown: Mapping[str, Excitation], silent: Sequence[str]
 ) -> dict[str, str]:
     """Return for each silent kind the run that its plugin names, or the one of the menu that shows it most."""
-    words = {kind: registry.get("effect", kind).implementation_class().notes.excited_by for kind in silent}
+    words = {kind: registry.get("effect", kind).implementation_class().notes.excitation for kind in silent}
     unnamed = [kind for kind, text in words.items() if not text]
     if unnamed:
         configs = {kind: EffectSet.from_kinds(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
@@ -385,7 +385,7 @@ def in_plain_words(registry: Registry, kind: str, signature: bool = True) -> lis
     lines = [f"{kind}, {component.summary}:{known}"] if known else [f"{kind}: {component.summary}."]
     if is_record_mistake(registry, kind):
         lines.append(f"{kind} is a mistake of the record: correct the file, not the physics.")
-    return [*lines, *([f"On the bench: {notes.on_the_bench}"] if notes.on_the_bench else [])]
+    return [*lines, *([f"On the bench: {notes.inspection}"] if notes.inspection else [])]
 
 
 def is_record_mistake(registry: Registry, kind: str) -> bool:

@@ -83,7 +83,7 @@ def applicable(
         try:
             candidate = EffectSet.from_kinds(registry, (kind,))
             start = candidate.starts()[0]
-            effect = predictor.bench.build("effect", candidate.configs(start)[0])
+            effect = predictor.context.build("effect", candidate.configs(start)[0])
         except UserError as error:
             reasons[kind] = exclusion_reason(error)
             continue

@@ -31,7 +31,7 @@ from pliant.diagnosis.posterior import Posterior, laplace_posterior
 from pliant.diagnosis.readings import ReadingVector, Score, readings_over_floor, score
 from pliant.diagnosis.scatter import ReadingScatter, reading_scatter
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
-from pliant.evidence.places import Residuals, run_residuals
+from pliant.evidence.error_bins import Residuals, run_residuals
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
@@ -67,6 +67,7 @@ class Extension:
         posterior: of the fitted parameters, about `values`.
         scatter: of single readings about the model, by output.
         exploration: of the posterior by draws; None for a fit without profile intervals.
+        remarks: limits of the model, in sentences.
     """
 
     kinds: tuple[str, ...]
@@ -84,6 +85,7 @@ class Extension:
     posterior: Posterior
     scatter: Mapping[str, ReadingScatter]
     exploration: Exploration | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def heldout(self) -> Score | None:
@@ -112,14 +114,16 @@ class Ground:
     groups: tuple[RepeatGroup, ...]
 
     @staticmethod
-    def from_study(bench: RunContext, study: Study, measurement: Measurement) -> Ground:
+    def from_study(context: RunContext, study: Study, measurement: Measurement) -> Ground:
         """Return the study without its effects.
 
         Raises:
             UserError: an engine that cannot simulate histories, or no output that the model has.
         """
         bare = study.model_copy(update={"effects": ()})
-        return Ground(Predictor.from_study(bench, bare, measurement), measurement, repeat_groups(measurement))
+        return Ground(
+            Predictor.from_study(context, bare, measurement), measurement, repeat_groups(measurement)
+        )
 
     def residuals(self, effects: Sequence[EffectConfig], measured: Measurement | None = None) -> Residuals:
         """Return residuals per run by output; of other readings of the same runs if they are given."""
@@ -157,7 +161,7 @@ def extend(
     Raises:
         UserError: an unknown kind, or one that is not applicable to this chain.
     """
-    registry = ground.predictor.bench.registry
+    registry = ground.predictor.context.registry
     candidate = StudyCandidate.among(registry, effects, candidate_kinds(registry, kinds), forms)
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
@@ -200,6 +204,7 @@ def extend(
         posterior=posterior.about(values),
         scatter=reading_scatter(noise, after, len(fit.x)),
         exploration=explore(fitter, posterior, scale, fit.parts, law=fit.law) if profiles else None,
+        remarks=tuple(ground.predictor.remarks),
     )
 
 

@@ -83,7 +83,7 @@ class Fitter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the state for a worker: without cached points, and with the files of the user's own effects."""
-        files = effect_files(self.predictor.bench.registry)
+        files = effect_files(self.predictor.context.registry)
         model = pickle.dumps((self.predictor, self.readings, self.weights, self.law))
         return _arrived, (files, self.code, model)
 
@@ -112,16 +112,24 @@ class Fitter:
 
     def checked(self) -> None:
         """Make workers that receive the fitter from now on compare their code with ours."""
-        registry, backend = self.predictor.bench.registry, self.predictor.backend
+        registry, backend = self.predictor.context.registry, self.predictor.backend
         effects = (one.implementation for one in registry.components if one.interface == "effect")
         modules = {__name__, type(backend).__module__, *(place.partition(":")[0] for place in effects)}
         shipped = tuple(sorted(name for name in modules if not name.startswith(FILE_MODULE)))
         self.code = shipped, code_of(shipped)
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool]) -> EffectFit:
-        """Call `fit` with these arguments as one item of a `JobQueue`; raise `UserError` if the code differs."""
+        """Call `fit` with these arguments as one item of a `JobQueue`; raise `UserError` if the code differs.
+
+        The law's error has its sensitivities at the unchanged model; `with_own_law_error_from` gives the fit its own.
+        """
         self._check_code()
-        return self.fit(*asked)
+        return self.fit(*asked, own_law_error=False)
+
+    def with_own_law_error_from(self, fit: EffectFit) -> EffectFit:
+        """Call `with_own_law_error` as one item of a `JobQueue`, as `fit_from`."""
+        self._check_code()
+        return self.with_own_law_error(fit)
 
     def look_from(self, asked: tuple[EffectSet, Array, int]) -> EffectFit:
         """Call `look` with these arguments, in the same way."""
@@ -154,6 +162,7 @@ class Fitter:
         parts: int = 1,
         refine: bool = True,
         law: LawError | None = None,
+        own_law_error: bool = True,
     ) -> EffectFit:
         """Return the best of fits from several starts; short trials decide which one is finished.
 
@@ -165,15 +174,15 @@ class Fitter:
             parts: steps of the integration from sample to sample.
             refine: continue in finer steps from there, if they change the prediction.
             law: sensitivities and size of the law's error for the fit; its own by default.
+            own_law_error: whether a fit without `law` gets the sensitivities at its own point at the end.
         """
         found = self._fit(candidate, starts or candidate.starts(), parts, law)
         found = self._in_finer_steps(found, law) if refine else found
-        return found if law is not None else self._with_own_law_error(found)
+        return self.with_own_law_error(found) if law is None and own_law_error else found
 
     def refined(self, fit: EffectFit) -> EffectFit:
-        """Return a fit continued in finer steps if they change the prediction; otherwise the same fit."""
-        found = self._in_finer_steps(fit, None)
-        return fit if found is fit else self._with_own_law_error(found)
+        """Return a fit continued in finer steps if they change the prediction, with its own law error."""
+        return self.with_own_law_error(self._in_finer_steps(fit, None))
 
     def refined_from(self, fit: EffectFit) -> EffectFit:
         """Call `refined` as one item of a `JobQueue`, as `fit_from`."""
@@ -188,7 +197,7 @@ class Fitter:
             fit = self._fit(fit.candidate, [fit.x], finer, law, NEAR_ITERATIONS)
         return fit
 
-    def _with_own_law_error(self, fit: EffectFit) -> EffectFit:
+    def with_own_law_error(self, fit: EffectFit) -> EffectFit:
         """Return the fit with the sensitivities and the size of the law's error at its own point."""
         if self.law is None or fit.law is None:
             return fit

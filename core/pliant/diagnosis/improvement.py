@@ -21,6 +21,7 @@ import numpy as np
 
 from pliant.config.study import Study
 from pliant.diagnosis.bands import bands
+from pliant.diagnosis.data_split import TrainTestSplit, split_runs
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.extension import Extension, Ground, extend
@@ -40,14 +41,13 @@ from pliant.diagnosis.steps import (
     named_step,
     predicting_step,
 )
-from pliant.diagnosis.test_split import TrainTestSplit, split_runs
 from pliant.diagnosis.unseen import SURE, block_squares, prediction_gain
 from pliant.diagnosis.verdict import UNDECIDED
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import compare
 from pliant.evidence.comparison_sentences import located
+from pliant.evidence.error_bins import Residuals
 from pliant.evidence.excess import Excess
-from pliant.evidence.places import Residuals
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
@@ -112,7 +112,7 @@ class _Draft:
 
 
 def improve(
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     measurement: Measurement,
     *,
@@ -127,7 +127,7 @@ def improve(
     """Run the whole loop.
 
     Args:
-        bench, study, measurement: the model and the recorded runs.
+        context, study, measurement: the model and the recorded runs.
         kinds: candidates; all effects by default.
         most_steps: maximum number of effects.
         learned: whether a learned term may be the last step.
@@ -139,7 +139,7 @@ def improve(
     Raises:
         UserError: no reading can be used, or an engine that cannot simulate histories.
     """
-    walk = _Walk(bench, study, measurement, kinds, tick, workers, split)
+    walk = _Walk(context, study, measurement, kinds, tick, workers, split)
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()
     corrected = walk.law_is_off and walk.correct_law(named_only)
@@ -153,7 +153,7 @@ class _Walk:
 
     def __init__(
         self,
-        bench: RunContext,
+        context: RunContext,
         study: Study,
         measurement: Measurement,
         kinds: Sequence[str] | None,
@@ -162,13 +162,13 @@ class _Walk:
         split: TrainTestSplit | None,
     ) -> None:
         measurement, self.unknown = with_known_states(measurement)
-        self.bench, self.study, self.measurement = bench, study, measurement
+        self.context, self.study, self.measurement = context, study, measurement
         self.locked = split_runs(measurement) if split is None else split
         self.kinds, self.tick, self.workers = kinds, tick, workers
         training = self.locked.training
-        self.unthinned = Ground.from_study(bench, study, training)
+        self.unthinned = Ground.from_study(context, study, training)
         short, _ = downsample(training, len(self.unthinned.predictor.chain.axes) > 1)
-        self.ground = self.unthinned if short is training else Ground.from_study(bench, study, short)
+        self.ground = self.unthinned if short is training else Ground.from_study(context, study, short)
         self.effects = study.effects
         self.added: list[str] = []
         self.forms: set[str] = set()
@@ -290,7 +290,7 @@ class _Walk:
     def _predictor(self) -> Predictor:
         """Return the present model, driven by the training runs."""
         study = self.study.model_copy(update={"effects": self.effects})
-        return Predictor.from_study(self.bench, study, self.ground.measurement)
+        return Predictor.from_study(self.context, study, self.ground.measurement)
 
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
@@ -329,7 +329,7 @@ class _Walk:
         alone = len(self.locked.training.runs) == 1
         on = "blocks of the run that are" if alone else "training runs that are"
         residuals = self._residuals(self.effects)
-        why = f"{proposal.why(kind, self.bench.registry)} {FALL} {self._seen()}"
+        why = f"{proposal.why(kind, self.context.registry)} {FALL} {self._seen()}"
         group = proposal.stands_for
         self.drafts.append(
             _Draft((kind,), self.effects, why, residuals, found.left_out_runs, group, proposal.cause, on=on)
@@ -441,7 +441,7 @@ class _Walk:
         if self.drafts[-1].learned is not None:
             found = replace(found, learned=None)  # it is in the model already
         of_verdict = stop != "unknown_effect"  # stated in the closing sentence with the final error
-        return " ".join([first, *explanation(found, self.bench.registry, of_verdict)])
+        return " ".join([first, *explanation(found, self.context.registry, of_verdict)])
 
 
 def _still_wrong(last: Step, stop: str) -> list[str]:

@@ -75,7 +75,7 @@ class LawErrorBasis:
 
     def config(self, predictor: Predictor) -> type[EffectConfig]:
         """Return the config model of the effect that represents δ."""
-        return cast(type[EffectConfig], predictor.bench.registry.get("effect", KIND).config_model())
+        return cast(type[EffectConfig], predictor.context.registry.get("effect", KIND).config_model())
 
 
 def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:
@@ -103,7 +103,7 @@ def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:
 
 def law_error_basis(predictor: Predictor) -> LawErrorBasis | None:
     """Return δ over the range that these runs visit; None if the law's error cannot show."""
-    if KIND not in predictor.bench.registry.kinds("effect"):
+    if KIND not in predictor.context.registry.kinds("effect"):
         return None
     try:
         seen = SeenMotion(predictor)

@@ -22,7 +22,7 @@ from pliant.diagnosis.smooth_fit import CurvePrior, LinearModel, Sums, left_out,
 from pliant.errors import PliantError
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
-from pliant.mechanics.held import is_held
+from pliant.mechanics.prescribed import is_held
 from pliant.records.design import Array
 
 # The fall of the squared error on left-out runs, in standard errors, and of its root as a share.
@@ -123,7 +123,7 @@ def learn(
         folds: (N,) number of the fold of each reading; the readings' own folds by default.
     """
     held = any(is_held(run.history) for run in predictor.measurement.runs)
-    if held or KIND not in predictor.bench.registry.kinds("effect"):
+    if held or KIND not in predictor.context.registry.kinds("effect"):
         return None
     learner = _Learner(predictor, readings, noise, conditions, readings.fold if folds is None else folds)
     return learner.learn()
@@ -144,7 +144,7 @@ class _Learner:
         self.predictor, self.readings = predictor, readings
         self.conditions, self.folds = conditions, folds
         self.by_run = all(len(np.unique(folds[readings.run == r])) <= 1 for r in range(readings.n_runs))
-        self.config = predictor.bench.registry.get("effect", KIND).config_model()
+        self.config = predictor.context.registry.get("effect", KIND).config_model()
         self.seen = SeenMotion(predictor)
         self.forms = self.seen.forms()
         self.plain = _filled(readings.values - readings.pack(predictor.evaluate().runs))

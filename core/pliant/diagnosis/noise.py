@@ -16,7 +16,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pliant.evidence.places import Residuals, padded
+from pliant.evidence.error_bins import Residuals, padded
 from pliant.measurements.effective import independent_readings
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.evidence.places import Residuals, padded
+from pliant.evidence.error_bins import Residuals, padded
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array

@@ -61,6 +61,8 @@ BESIDE_LAW, NEAR_BEST, LEFT_BY_LAW = 3, 14.0, 0.2
 IMITATED_PRICE = 8.0
 # A hypothesis with this much less log-evidence than the best is not refined.
 OUT_OF_REACH = 30.0
+# One with this much less keeps the law's sensitivities at the unchanged model; its own change the log-evidence by up to 3.
+OUT_OF_LAW_REACH = 15.0
 # Steps from sample to sample for screening larger sets.
 SCREENING_STEPS = 2
 
@@ -87,6 +89,7 @@ class HypothesisSearch:
         repeats = [group.runs for group in self.groups]
         self._noise: tuple[EffectFit, NoiseView] | None = None
         self._imitated: set[Kinds] = set()  # sets with an effect that the law's own error imitates
+        self._own: set[Kinds] = set()  # fits with the law's error at their own point
         self.condition = condition_indices(len(self.measurement.runs), repeats)
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
@@ -100,6 +103,7 @@ class HypothesisSearch:
             directions = Directions.from_fits(self._felt(kinds), self.fits, self.shown, MOST_LOST, whitened)
             self._forward_step(directions, len(kinds))
         self._fit_beside_law(self._felt(kinds))
+        self._take_own_law_errors(list(self.fits))
         self._weigh_law_errors()
         return self.table()
 
@@ -195,9 +199,11 @@ class HypothesisSearch:
         near = [kinds for kinds in kept if evidence[kinds] > least]
         with JobQueue(self.executor, self.fitter.refined_from) as queue:
             again = [one.unwrap() for one in queue.each([found[kinds] for kinds in near])]
+        self._own -= set(kept)
         for kinds, fit in zip(near, again, strict=True):
             self.fits[kinds], self.rows[kinds] = plain_ones[kinds]
             self._keep_if_it_pays(kinds, fit, n)
+            self._own.add(kinds)
         for kinds in tried:
             self.tick(" + ".join(kinds) + ", relatives")
         return leading
@@ -284,6 +290,20 @@ class HypothesisSearch:
                 price = form_price(fit, self.table().noise.n_effective) if fit.candidate.forms else 0.0
                 self._keep(kinds, fit, price)
                 self.tick(" + ".join(kinds) or "nothing")
+        self._take_own_law_errors(new)
+
+    def _take_own_law_errors(self, sets: Sequence[Kinds]) -> None:
+        """Give fits that may still lead the sensitivities of the law's error at their own point."""
+        if self.fitter.law is None:
+            return
+        evidence = log_evidence(self.table(), self.thresholds)
+        least = max(evidence.values()) - OUT_OF_LAW_REACH
+        near = [kinds for kinds in sets if kinds not in self._own and evidence[kinds] > least]
+        with JobQueue(self.executor, self.fitter.with_own_law_error_from) as queue:
+            done = [one.unwrap() for one in queue.each([self.fits[kinds] for kinds in near])]
+        for kinds, fit in zip(near, done, strict=True):
+            self._keep(kinds, fit, self.rows[kinds].form_price)
+            self._own.add(kinds)
 
     def _job(self, candidate: EffectSet, starts: list[Array]) -> tuple[EffectSet, list[Array], int, bool]:
         """Return the job of a candidate: larger sets start with few steps, and are refined later if they lead."""

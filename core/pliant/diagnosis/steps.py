@@ -16,6 +16,7 @@ from typing import Literal
 
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.candidates import FitParameter
+from pliant.diagnosis.data_split import TrainTestSplit
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import (
@@ -31,7 +32,6 @@ from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.readings import Score
-from pliant.diagnosis.test_split import TrainTestSplit
 from pliant.diagnosis.unseen import best_prediction, best_single_effect
 from pliant.evidence.excess import Excess
 from pliant.formatting import output_unit
@@ -166,7 +166,7 @@ class StepProposal:
             )
         known = f"The training runs speak for {kind}: {component.summary}."
         known += f" It is known by this: {notes.signature}" if notes.signature else ""
-        return known + (f" On the bench: {notes.on_the_bench}" if notes.on_the_bench else "")
+        return known + (f" On the bench: {notes.inspection}" if notes.inspection else "")
 
 
 @dataclass(frozen=True, eq=False)

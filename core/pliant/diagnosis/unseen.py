@@ -17,7 +17,7 @@ import numpy as np
 
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.left_out import BLOCKS, assign_blocks, heldout_residual
-from pliant.evidence.places import Residuals
+from pliant.evidence.error_bins import Residuals
 from pliant.records.design import Array
 
 if TYPE_CHECKING:

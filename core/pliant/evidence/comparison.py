@@ -14,8 +14,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.covariates import covariates
-from pliant.evidence.importance import importance
-from pliant.evidence.places import (
+from pliant.evidence.error_bins import (
     ErrorBin,
     Residuals,
     bin_errors,
@@ -24,6 +23,7 @@ from pliant.evidence.places import (
     run_residuals,
     worst_places,
 )
+from pliant.evidence.importance import importance
 from pliant.evidence.scores import (
     NONE,
     GroupError,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pliant.evidence.comparison import JUDGED_BY, NO_NOISE, Comparison
+from pliant.evidence.error_bins import ErrorBin
 from pliant.evidence.excess import STANDARD_ERRORS, Excess
-from pliant.evidence.places import ErrorBin
 from pliant.formatting import listed, output_unit, whole_percent
 
 LARGE = 0.25  # of the squared error

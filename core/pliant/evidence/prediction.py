@@ -20,8 +20,8 @@ from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.measurements.beginnings import prepend_ramp
 from pliant.measurements.files import Sources, read_measurements
-from pliant.mechanics.held import BLOCKED, blocked_efforts, is_held, prescribed_motion, without_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
+from pliant.mechanics.prescribed import BLOCKED, blocked_efforts, is_held, prescribed_motion, without_held
 from pliant.pipeline.engine_checks import check_capabilities, check_terms, require_histories
 from pliant.pipeline.study import build_study_chain, study_physics
 from pliant.pipeline.workbench import RunContext
@@ -64,14 +64,14 @@ class Predictor:
 
     def __init__(
         self,
-        bench: RunContext,
+        context: RunContext,
         backend: PhysicsBackend,
         chain: ChainModel,
         measurement: Measurement,
         effects: Sequence[EffectConfig] = (),
         law_error: float | None = None,
     ) -> None:
-        self.bench, self.backend, self.measurement = bench, backend, measurement
+        self.context, self.backend, self.measurement = context, backend, measurement
         self.law_error = law_error
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
@@ -89,7 +89,7 @@ class Predictor:
                     f"{length:g} m long; give 'markers' from the base on, in the order of their numbers."
                 )
         if sentence := backend.preparing(chain):
-            bench.progress.note(sentence)
+            context.progress.note(sentence)
         self.outputs, self.missing = self._readable(measurement.outputs)
         if not self.outputs:
             angles = ["angle_rad", "curvature_1_per_m", "joint_1_angle_rad…"]
@@ -104,18 +104,18 @@ class Predictor:
             )
 
     @staticmethod
-    def from_study(bench: RunContext, study: Study, measurement: Measurement) -> Predictor:
+    def from_study(context: RunContext, study: Study, measurement: Measurement) -> Predictor:
         """Return the predictor of the study's chain, engine and effects.
 
         Raises:
             UserError: an engine that cannot simulate histories, or no output that the model has.
         """
-        physics = study_physics(bench, study)
-        backend: PhysicsBackend = bench.build("physics", physics)
+        physics = study_physics(context, study)
+        backend: PhysicsBackend = context.build("physics", physics)
         require_histories(backend)
-        chain = build_study_chain(bench, study).chain
+        chain = build_study_chain(context, study).chain
         check_capabilities(backend, chain, physics.kind)
-        return Predictor(bench, backend, chain, measurement, study.effects, study.law_error)
+        return Predictor(context, backend, chain, measurement, study.effects, study.law_error)
 
     def for_runs(self, measurement: Measurement) -> Predictor:
         """Return the same model, driven by other runs.
@@ -323,7 +323,7 @@ class Predictor:
 
     def _changed(self, model: Model, effects: Sequence[EffectConfig]) -> Model:
         for config in effects:
-            model = self.bench.build("effect", config).apply(model)
+            model = self.context.build("effect", config).apply(model)
         check_terms(self.backend, model.chain)
         return model
 
@@ -513,7 +513,7 @@ def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str)
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
 
 
-def read_study_measurement(bench: RunContext, study: Study, data: Sources = None) -> Measurement:
+def read_study_measurement(context: RunContext, study: Study, data: Sources = None) -> Measurement:
     """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
 
     Several files, or a pattern for them, are read as one measurement, in their order: the block's renames, units and
@@ -532,13 +532,13 @@ def read_study_measurement(bench: RunContext, study: Study, data: Sources = None
             f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
             "or give --data bench.csv."
         )
-    chain = build_study_chain(bench, study).chain
+    chain = build_study_chain(context, study).chain
     return read_measurements(
         data if given or settings is None else settings.file,
         settings,
         actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
         expected=expected_ranges(chain),
-        progress=bench.progress,
+        progress=context.progress,
         exclude_from_first=given,
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from pliant.evidence.covariates import Covariates, binned
-from pliant.evidence.places import Noise, Residuals
+from pliant.evidence.error_bins import Noise, Residuals
 from pliant.measurements.floors import Floor
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement

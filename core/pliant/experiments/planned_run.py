@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import UserError, closest
-from pliant.mechanics.held import HELD
 from pliant.mechanics.kinematics import ChainGeometry, main_axis
+from pliant.mechanics.prescribed import HELD
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
@@ -263,7 +263,7 @@ class PlannedRun:
     """A run that can be done in the laboratory.
 
     Attributes:
-        name: short, as in effects' `exciting`.
+        name: short, as in effects' `recommended_experiments`.
         words: an order to the experimenter.
         history: its inputs; the specimen is the one that was measured, or `NEW`.
         minutes: of motion and of setting up.

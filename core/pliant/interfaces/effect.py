@@ -168,20 +168,20 @@ class EffectNotes:
 
     Attributes:
         signature: its signature in the data.
-        on_the_bench: inspection in the laboratory, one imperative sentence.
-        look_alike: the kind of effect that is most easily confused with it.
-        told_apart: the difference between the two.
-        excited_by: the run that excites it, as an imperative sentence.
+        inspection: inspection in the laboratory, one imperative sentence.
+        confounder: the kind of effect that is most easily confused with it.
+        distinguishing_test: the difference between the two.
+        excitation: the run that excites it, as an imperative sentence.
         where: the families and chains to which it applies, and the engines that support it.
         origin: `physics`, or `bench` for an error of the record (a payload, a clock), which is corrected in the file
             instead of extending the model.
     """
 
     signature: str = ""
-    on_the_bench: str = ""
-    look_alike: str = ""
-    told_apart: str = ""
-    excited_by: str = ""
+    inspection: str = ""
+    confounder: str = ""
+    distinguishing_test: str = ""
+    excitation: str = ""
     where: str = ""
     origin: Origin = "physics"
 
@@ -235,8 +235,8 @@ class Effect(Configured[EffectConfig]):
 
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
     keeps no memory: internal states belong to `LawTerm`s, and an input map gets the whole run. The docstring
-    of a subclass's file gives the equation and its source. `exciting` names runs of the default catalogue
-    (`pliant.experiments.experiment_catalogue`) that excite the effect and distinguish it from its look-alike.
+    of a subclass's file gives the equation and its source. `recommended_experiments` names runs of the default
+    catalogue (`pliant.experiments.experiment_catalogue`) that excite the effect and distinguish it from its look-alike.
     `actuation` names the input that the chain's laws must have for the effect to apply (`tendon_force_n`); "" for any
     input. `fitted` is False if an effect's numbers are learned as a whole: it then declares no parameter, so that no
     diagnosis tries it.
@@ -244,7 +244,7 @@ class Effect(Configured[EffectConfig]):
 
     place: ClassVar[Place]
     notes: ClassVar[EffectNotes] = EffectNotes()
-    exciting: ClassVar[tuple[str, ...]] = ()
+    recommended_experiments: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""
     fitted: ClassVar[bool] = True
 

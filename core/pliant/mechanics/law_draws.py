@@ -11,7 +11,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.mechanics.law_around import LawWrapper
+from pliant.mechanics.law_wrapper import LawWrapper
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
 

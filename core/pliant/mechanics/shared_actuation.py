@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.mechanics.law_around import LawWrapper
+from pliant.mechanics.law_wrapper import LawWrapper
 from pliant.records.design import Array
 from pliant.records.error_bar import BarsOfAxes, ErrorBand, ErrorBar
 from pliant.records.law import Domain, Effort, JointLaw, ScalarLaw

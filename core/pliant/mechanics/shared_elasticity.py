@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.mechanics.law_around import LawWrapper
+from pliant.mechanics.law_wrapper import LawWrapper
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBand
 from pliant.records.law import Effort, JointLaw, ScalarLaw

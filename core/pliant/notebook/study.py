@@ -37,6 +37,7 @@ from pliant.report.fem import fem_document
 from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_document
 from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
+from pliant.report.plan import design_document, plan_document
 from pliant.report.run import simulation_document
 from pliant.store.store import write_atomically
 
@@ -118,8 +119,8 @@ class StudyHandle:
         (6, 3)
         """
         overrides = [*self._overrides, *as_overrides(self.config, {**(changes or {}), **named})]
-        bench = self.opened.bench
-        opened = api.open_study(self.path, overrides, store=bench.store.root, progress=bench.progress)
+        context = self.opened.context
+        opened = api.open_study(self.path, overrides, store=context.store.root, progress=context.progress)
         return type(self)._from_opened(self.path, overrides, opened)
 
     def to_yaml(self, path: str | Path) -> Path:
@@ -153,8 +154,8 @@ class StudyHandle:
         >>> len(pliant.open(examples / "first_finger/finger.yaml", store=store, fem=coarse).fem().to_frame()) > 4
         True
         """
-        check_families(self.opened.bench, self.config)
-        artifacts = solve_study_fem(self.opened.bench, self.config)
+        check_families(self.opened.context, self.config)
+        artifacts = solve_study_fem(self.opened.context, self.config)
 
         def document() -> Document:
             return fem_document(self.config, artifacts, [""] * len(artifacts))
@@ -169,12 +170,12 @@ class StudyHandle:
         >>> pliant.open(examples / "data/bellow_bending.yaml", store=store).fit().law.joint
         'revolute'
         """
-        bench = self.opened.bench
+        context = self.opened.context
         stages = api.laws(self.opened)
 
         def document() -> Document:
             own = [stage for stage in stages if stage.law.report is not None]
-            fitted = fitted_designs(bench, own, learning=False)
+            fitted = fitted_designs(context, own, learning=False)
             return laws_document(self.name, stages, fitted, self.config.canonical())
 
         found = Fitted(stages, document, ("fit_law", 0), frames.laws)
@@ -196,7 +197,7 @@ class StudyHandle:
         >>> finger.with_(cross_check=["mujoco"]).run().to_frame()["engine"].unique().tolist()
         ['quasistatic', 'mujoco']
         """
-        done = simulate_study(self.opened.bench, self.config)
+        done = simulate_study(self.opened.context, self.config)
         return Simulated(done, lambda: simulation_document(done), ("chain_pose", 0), frames.markers)
 
     def compare(self, data: Data = None) -> Result[Any]:
@@ -208,14 +209,14 @@ class StudyHandle:
         data = _recorded(data)
         other = None if isinstance(data, Measurement) else open_data(self.config, data)
         if other is not None:
-            return Result(*other.compare(self.opened.bench, self.config.resolve_workers(None, 1)))
+            return Result(*other.compare(self.opened.context, self.config.resolve_workers(None, 1)))
         model = api.predictor(self.opened, data)
         with displayed_in(units_as_written(model.measurement)):
             predicted, found = compare_model(model)
 
         def document() -> Document:
             with displayed_in(units_as_written(model.measurement)):
-                bands = study_bands(self.opened.bench, self.config, model.measurement)
+                bands = study_bands(self.opened.context, self.config, model.measurement)
                 return comparison_document(self.name, model.measurement, predicted, found, *bands)
 
         return Result(
@@ -234,7 +235,7 @@ class StudyHandle:
         'missing_effect'
         """
         measurement = api.read_measurement(self.opened, _recorded(data))
-        registry = self.opened.bench.registry
+        registry = self.opened.context.registry
         with displayed_in(units_as_written(measurement)):
             found = api.diagnose(self.opened, measurement, kinds=effects, workers=workers)
 
@@ -243,6 +244,43 @@ class StudyHandle:
                 return diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
 
         return Result(found, document, ("hypotheses", 0), frames.hypotheses)
+
+    def plan(
+        self,
+        data: Data = None,
+        *,
+        effects: Sequence[str] | None = None,
+        runs: int | None = None,
+        minutes: float | None = None,
+        workers: Workers = None,
+    ) -> Result[Any]:
+        """Choose the next runs: `pliant plan`. The record is a `RunPlan`, without measurements a `FirstRuns`.
+
+        Args:
+            data: see `compare`.
+            effects: candidates; all by default.
+            runs: number of runs at most.
+            minutes: bench time at most.
+            workers: processes that fit hypotheses; by default the study's, or this one.
+
+        >>> joint.plan(effects=["viscoelastic", "stiffness"]).json["verdict"]
+        'missing_effect'
+        """
+        registry = self.opened.context.registry
+        if data is None and self.config.measurements is None:
+            first = api.plan_first_runs(self.opened, kinds=effects, runs=runs, minutes=minutes)
+            return Result(first, lambda: design_document(self.name, first.design, (), registry), ("runs", 0))
+        measurement = api.read_measurement(self.opened, _recorded(data))
+        with displayed_in(units_as_written(measurement)):
+            found = api.plan(
+                self.opened, measurement, kinds=effects, runs=runs, minutes=minutes, workers=workers
+            )
+
+        def document() -> Document:
+            with displayed_in(units_as_written(measurement)):
+                return plan_document(self.name, measurement, found, (), registry)
+
+        return Result(found, document, ("runs", 0))
 
     def extend(self, *effects: str, data: Data = None, out: str | Path | None = None) -> Result[Any]:
         """Fit effects in addition to the study's own: `pliant extend`. The record is an `Extension`.
@@ -262,7 +300,7 @@ class StudyHandle:
 
         def document() -> Document:
             with displayed_in(units_as_written(measurement)):
-                return extension_document(self.name, measurement, found, self.opened.bench.registry)
+                return extension_document(self.name, measurement, found, self.opened.context.registry)
 
         if out is not None and not found.absent:
             self._write(Path(out), found, files, extension_origin(found, measurement), {})
@@ -293,7 +331,7 @@ class StudyHandle:
         """
         files = [] if out is None else _data_files(data)
         measurement = api.read_measurement(self.opened, _recorded(data))
-        registry = self.opened.bench.registry
+        registry = self.opened.context.registry
         with displayed_in(units_as_written(measurement)):
             found = api.improve(
                 self.opened,
@@ -433,11 +471,11 @@ def fit(
     """
     if isinstance(table, Solved):
         return table.study.with_(surrogate={"kind": surrogate, **settings}).fit()
-    bench = api.workbench(store)
+    context = api.workbench(store)
     source = Path(table) if isinstance(table, str | Path) else _kept(table, Path(store))
-    stages = law_from_table(bench, source, surrogate, settings)
+    stages = law_from_table(context, source, surrogate, settings)
     config: Any = stages.design.surrogate
-    fitted = fitted_law(bench, surrogate, config, stages.law, learning=False, source=source.name)
+    fitted = fitted_law(context, surrogate, config, stages.law, learning=False, source=source.name)
     return Fitted(
         (stages,), lambda: table_document(source, stages, [fitted], {}), ("fit_law", 0), frames.laws
     )

@@ -37,15 +37,15 @@ class Carried:
         return tuple(said)
 
 
-def carried_chain(bench: RunContext, study: Study, mounted: bool = False) -> Carried:
+def carried_chain(context: RunContext, study: Study, mounted: bool = False) -> Carried:
     """Return the study's chain as files contain it, after all earlier stages. `mounted`: see `build_study_chain`."""
-    chain = build_study_chain(bench, study, mounted).chain
+    chain = build_study_chain(context, study, mounted).chain
     if study.task is not None:
-        task: Task | SceneTask = bench.build("task", study.task)
+        task: Task | SceneTask = context.build("task", study.task)
         chain = task.prepare(chain)
     model, left_out = Model(chain), []
     for config in study.effects:
-        effect: Effect = bench.build("effect", config)
+        effect: Effect = context.build("effect", config)
         after = effect.apply(model)
         reason = _reason(model, after)
         if reason:

@@ -98,13 +98,15 @@ def _mirrored(state: FemState, main: int) -> FemState:
     )
 
 
-def fem_stage(bench: RunContext, family: FamilyConfig, material: MaterialConfig, fem: FemConfig) -> Artifact:
+def fem_stage(
+    context: RunContext, family: FamilyConfig, material: MaterialConfig, fem: FemConfig
+) -> Artifact:
     """Return the FEM data of one design; the artifact's value is a `ModuleData`."""
-    built: ActuatorFamily = bench.build("family", family)
-    backend: FEMBackend = bench.build("fem", fem)
-    substance: Material = bench.build("material", material)
+    built: ActuatorFamily = context.build("family", family)
+    backend: FEMBackend = context.build("fem", fem)
+    substance: Material = context.build("material", material)
     for remark in (*built.remarks(), *substance.remarks()):
-        bench.progress.note(remark)
+        context.progress.note(remark)
 
     def build_pieces(problems: Mapping[str, ModuleProblem]) -> list[Subproblem]:
         for one in problems.values():
@@ -119,16 +121,16 @@ def fem_stage(bench: RunContext, family: FamilyConfig, material: MaterialConfig,
         pieces = build_pieces(problems)
         loads = axis_loads(fem, problems.get(FULL, main)) if fem.sampling == "study" else {}
         limit = fem.actuation_max(main.actuation)
-        sampling = sample(pieces, fem, limit, partial, bench.progress, loads)
+        sampling = sample(pieces, fem, limit, partial, context.progress, loads)
         return checked_data(as_data(built, problems, pieces, sampling), main, substance, pieces, sampling)
 
     configs = {"family": family, "material": material, "fem": fem}
-    return bench.make(
+    return context.make(
         "fem",
         compute,
         components=[
-            *(bench.component(name, config) for name, config in configs.items()),
-            *(bench.component("material", own) for own in material.region_materials().values()),
+            *(context.component(name, config) for name, config in configs.items()),
+            *(context.component("material", own) for own in material.region_materials().values()),
         ],
         modules=["pliant.pipeline.dataset"],
         config={name: content(config) for name, config in configs.items()},

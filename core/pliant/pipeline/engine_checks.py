@@ -17,18 +17,18 @@ from pliant.pipeline.workbench import RunContext
 from pliant.records.chain import ChainModel
 
 
-def check_engines(bench: RunContext, study: Study, *kinds: PhysicsConfig) -> None:
+def check_engines(context: RunContext, study: Study, *kinds: PhysicsConfig) -> None:
     """Check requirements that need no law, so that nothing is solved for a study that its engines refuse.
 
     Args:
-        bench: plugins, store, progress.
+        context: plugins, store, progress.
         study: with its task.
         kinds: the engines; engines that are not installed are reported when they are built.
     """
-    task: Task | SceneTask | None = None if study.task is None else bench.build("task", study.task)
+    task: Task | SceneTask | None = None if study.task is None else context.build("task", study.task)
     for config in kinds:
         try:
-            backend: PhysicsBackend = bench.build("physics", config)
+            backend: PhysicsBackend = context.build("physics", config)
         except MissingDependencyError:
             continue
         check_asked(backend, task)

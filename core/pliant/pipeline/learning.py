@@ -32,14 +32,14 @@ WITH, WITHOUT = "with slopes", "without slopes"
 
 
 def learning_stage(
-    bench: RunContext, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
+    context: RunContext, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
 ) -> Artifact:
     """Return the learning curve through the store; `inputs` key the data. The value is the dict of `learning_curve`."""
-    surrogate: Surrogate = bench.build("surrogate", config)
-    return bench.make(
+    surrogate: Surrogate = context.build("surrogate", config)
+    return context.make(
         "learning",
-        lambda partial: learning_curve(surrogate, data, orders, bench.progress, partial / "points.json"),
-        components=[bench.component("surrogate", config)],
+        lambda partial: learning_curve(surrogate, data, orders, context.progress, partial / "points.json"),
+        components=[context.component("surrogate", config)],
         modules=["pliant.pipeline.learning"],
         config={"surrogate": without_tables(content(config)), "orders": orders},
         inputs=inputs,

@@ -21,7 +21,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75)  # in addition to the full load
 
 
 def loads_stage(
-    bench: RunContext,
+    context: RunContext,
     source: ChainSource,
     physics: PhysicsConfig,
     task: TaskConfig,
@@ -32,22 +32,22 @@ def loads_stage(
 
     Only static engines are used: a motion in time under five loads would take five times as long.
     """
-    backend: PhysicsBackend = bench.build("physics", physics)
+    backend: PhysicsBackend = context.build("physics", physics)
     payload_kg, force_n = task.tip_load(source.chain.payload_kg)
     loaded = payload_kg > 0.0 or force_n > 0.0
-    scene = isinstance(bench.build("task", task), SceneTask)
+    scene = isinstance(context.build("task", task), SceneTask)
     if not loaded or scene or own.rollout is None or backend.capabilities.dynamic or not own.final.at_rest:
         return None
     nominal = own.rollout
 
     def compute(partial: Path) -> LoadFrames:
-        built: list[Effect] = [bench.build("effect", effect) for effect in effects]
+        built: list[Effect] = [context.build("effect", effect) for effect in effects]
         found = [(1.0, nominal)]
         for share in reversed(SHARES):
             chain = source.chain.with_(payload_kg=share * source.chain.payload_kg)
             try:
                 lighter = run_task(
-                    backend, bench.build("task", _lightened(task, share)), built, chain
+                    backend, context.build("task", _lightened(task, share)), built, chain
                 ).rollout
             except UserError:
                 continue  # for example outside the law's data: not shown
@@ -64,10 +64,10 @@ def loads_stage(
         )
 
     plugins = [("physics", physics), ("task", task), *(("effect", effect) for effect in effects)]
-    return bench.make(
+    return context.make(
         "loads",
         compute,
-        components=[*source.components, *(bench.component(name, config) for name, config in plugins)],
+        components=[*source.components, *(context.component(name, config) for name, config in plugins)],
         modules=["pliant.pipeline.loads", "pliant.pipeline.simulate", "pliant.pipeline.chain"],
         config={
             **source.config,

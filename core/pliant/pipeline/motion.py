@@ -37,7 +37,7 @@ from pliant.records.shape import HalfShapes, Shape, TriangleMesh
 SEEN_RADIUS = 0.2
 
 
-def run_motion(bench: RunContext, run: StudyRun) -> Motion:
+def run_motion(context: RunContext, run: StudyRun) -> Motion:
     """Return the motion of the study's first engine: frames of a scene, a chain's history, or its settled pose.
 
     Raises:
@@ -46,8 +46,8 @@ def run_motion(bench: RunContext, run: StudyRun) -> Motion:
     result = run.engines[0].result if run.engines else None
     if result is None:
         raise UserError("nothing was simulated, so there is nothing to draw: the study needs a 'task' block.")
-    task: Task | SceneTask = bench.build("task", run.study.need("task", "a picture"))
-    looks = drawn_chain(bench, run)
+    task: Task | SceneTask = context.build("task", run.study.need("task", "a picture"))
+    looks = drawn_chain(context, run)
     if isinstance(task, SceneTask):
         if result.frames is None or run.chain is None:
             raise UserError(f"task '{task.config.kind}' recorded no frames to draw.")
@@ -64,19 +64,19 @@ def run_motion(bench: RunContext, run: StudyRun) -> Motion:
     if rollout is None:
         carrier = Carrier.stacked([carrier])
         assert carrier is not None
-    backend: PhysicsBackend = bench.build("physics", study_physics(bench, run.study))
+    backend: PhysicsBackend = context.build("physics", study_physics(context, run.study))
     if not isinstance(backend, MountBackend):
         raise UserError(no_mount(backend.config.kind))
     return Motion(*on_arm(scene, frames, backend.mount_shapes(looks.mount), carrier))
 
 
-def drawn_chain(bench: RunContext, run: StudyRun) -> ChainModel:
+def drawn_chain(context: RunContext, run: StudyRun) -> ChainModel:
     """Return the study's chain with its families' surfaces as shapes."""
     study = run.study
     config = study.need("chain", "a picture")
-    segments = chain_segments(bench, study, run.designs)
+    segments = chain_segments(context, study, run.designs)
     designs = [run.designs[number] for number in run.segment_designs]
-    worn = [_dressed(bench, one, design) for one, design in zip(segments, designs, strict=True)]
+    worn = [_dressed(context, one, design) for one, design in zip(segments, designs, strict=True)]
     module = next(one.piece for one in worn if isinstance(one.piece, Module))
     dressed = []
     for written, segment in zip(config.as_segments(), worn, strict=True):
@@ -179,7 +179,7 @@ def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
     )
 
 
-def _dressed(bench: RunContext, segment: Segment, design: DesignStages) -> Segment:
+def _dressed(context: RunContext, segment: Segment, design: DesignStages) -> Segment:
     """Return the segment with its visible surfaces."""
     piece = segment.piece
     if not isinstance(piece, Module):
@@ -189,7 +189,7 @@ def _dressed(bench: RunContext, segment: Segment, design: DesignStages) -> Segme
             rod = rod_module(piece.law, piece.length_m, 0.0, SEEN_RADIUS * piece.length_m, piece.offset_m)
             return replace(segment, piece=replace(piece, shapes=rod.shapes))
         return segment
-    family: ActuatorFamily = bench.build("family", design.family)
+    family: ActuatorFamily = context.build("family", design.family)
     surface = seen_surface(family)
 
     def meshes(soft: TriangleMesh, rigid: TriangleMesh | None) -> tuple[Shape, ...]:
@@ -236,32 +236,32 @@ class ChainHandle(Handle):
         return chain_frames(np.array([self._time_s]), self.simulation.snapshot().position[None])
 
 
-def prepared_chain(bench: RunContext, study: Study) -> tuple[ChainModel, PhysicsBackend, Any]:
+def prepared_chain(context: RunContext, study: Study) -> tuple[ChainModel, PhysicsBackend, Any]:
     """Return the study's chain with its task's loads and its effects, its engine, and its task or None.
 
     Raises:
         UserError: the engine cannot simulate it, or effects act on the input.
     """
-    model, backend, task = prepared_model(bench, study)
+    model, backend, task = prepared_model(context, study)
     if model.inputs:
         raise UserError("effects on the input are not followed here: leave them out of 'effects'.")
     return model.chain, backend, task
 
 
-def prepared_model(bench: RunContext, study: Study) -> tuple[Model, PhysicsBackend, Any]:
+def prepared_model(context: RunContext, study: Study) -> tuple[Model, PhysicsBackend, Any]:
     """Return the same as `prepared_chain` with the effects' maps of inputs and readings.
 
     Raises:
         UserError: the engine cannot simulate it.
     """
-    chain = build_study_chain(bench, study).chain
-    physics = study_physics(bench, study)
-    backend: PhysicsBackend = bench.build("physics", physics)
+    chain = build_study_chain(context, study).chain
+    physics = study_physics(context, study)
+    backend: PhysicsBackend = context.build("physics", physics)
     check_capabilities(backend, chain, physics.kind)
-    task = bench.build("task", study.task) if study.task is not None else None
+    task = context.build("task", study.task) if study.task is not None else None
     model = Model(chain if task is None else task.prepare(chain))
     for effect in study.effects:
-        model = bench.build("effect", effect).apply(model)
+        model = context.build("effect", effect).apply(model)
     check_terms(backend, model.chain)
     return model, backend, task
 

@@ -44,13 +44,13 @@ class RemoteStudy:
     code: str = ""
 
     @classmethod
-    def from_study(cls, bench: RunContext, study: Study, modules: tuple[str, ...] = ()) -> RemoteStudy:
+    def from_study(cls, context: RunContext, study: Study, modules: tuple[str, ...] = ()) -> RemoteStudy:
         """Return the description of a study in this process; modules are for workers that may have other code."""
         plugins = tuple(str(file) for file in study.plugins)
         alone = study.model_copy(update={"workers": None})  # a worker has no workers
         raw = {key: value for key, value in alone.canonical().items() if value is not None}
         code = code_of(modules) if modules else ""
-        return cls(json.dumps(raw), plugins, str(bench.store.root.resolve()), modules, code)
+        return cls(json.dumps(raw), plugins, str(context.store.root.resolve()), modules, code)
 
     def open(self) -> tuple[RunContext, Study]:
         """Return the workbench and the study in a worker.

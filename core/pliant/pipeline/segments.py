@@ -114,7 +114,7 @@ def distinct_designs(study: Study) -> list[DesignSpec]:
 
 
 def chain_segments(
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     stages: Sequence[DesignStages],
     module_of: ModuleOf = family_module,
@@ -125,7 +125,7 @@ def chain_segments(
     """
     chain: ChainConfig = study.need("chain", "a simulation")
     made = {s.design.name: s for s in stages}
-    families = {name: _family_module(bench, study, s, module_of) for name, s in made.items()}
+    families = {name: _family_module(context, study, s, module_of) for name, s in made.items()}
     configs, designs = chain.as_segments(), segment_designs(study)
     modules = [
         (families[design.name] or _rod(segment, chain, made[design.name].law.law)) if design else None
@@ -153,7 +153,7 @@ def chain_segments(
 
 
 def _family_module(
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     stages: DesignStages,
     module_of: ModuleOf,
@@ -167,7 +167,7 @@ def _family_module(
             "'module_length', 'module_mass', 'module_radius' and 'module_offset' are for chains without a "
             "'family' block; here the family gives them."
         )
-    family: ActuatorFamily = bench.build("family", stages.design.family)
+    family: ActuatorFamily = context.build("family", stages.design.family)
     density = material_density(study)
     if density is None and np.any(chain.gravity_m_s2):
         raise UserError(
@@ -190,7 +190,7 @@ def _rod_dimension(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any
     return value
 
 
-def chain_length_m(bench: RunContext, study: Study) -> float:
+def chain_length_m(context: RunContext, study: Study) -> float:
     """Return the length of the study's chain at rest, from its families or rods without any law.
 
     Raises:
@@ -204,7 +204,7 @@ def chain_length_m(bench: RunContext, study: Study) -> float:
         if design is None:
             lengths.append(None)
         elif design.family is not None:
-            lengths.append(float(bench.build("family", design.family).module_length_m))
+            lengths.append(float(context.build("family", design.family).module_length_m))
         else:
             lengths.append(_rod_dimension(segment, chain, "module_length_m"))
     total, like = 0.0, next(length for length in lengths if length is not None)

@@ -59,36 +59,36 @@ CHEAP_S = 2.0
 SAID_BY_RUN = ("magnitude", "keys", "task", "payload", "tolerance")
 
 
-def self_check(bench: RunContext, study: Study) -> SelfCheck:
+def self_check(context: RunContext, study: Study) -> SelfCheck:
     """Return the checks of a study that an expert would make by hand.
 
     Args:
-        bench: plugins, store, progress.
+        context: plugins, store, progress.
         study: with any blocks; missing blocks are not checked.
 
     Raises:
         UserError: the study cannot be built.
     """
     notes = _Notes()
-    check_study(bench, study)
+    check_study(context, study)
     has_law = study.chain is not None or study.family is not None
-    stages = build_study_laws(replace(bench, progress=notes), study) if has_law else ()
+    stages = build_study_laws(replace(context, progress=notes), study) if has_law else ()
     checks = [*checks_before_simulation(study, stages)]
     checks += doubtful("law", [note for note in notes.heard if "depend" in note])
     if study.chain is None or study.task is None:
         checks.append(Check("simulation", "not checked", "The study has no chain or no task."))
         return SelfCheck(tuple(checks))
-    simulated = SimulatedVariants(bench, study, stages)
+    simulated = SimulatedVariants(context, study, stages)
     result = simulated.simulate(study)
     checks += doubtful("payload", load_remarks(simulated.chain, study.noisy_task()))
-    engine = bench.build("physics", study_physics(bench, study))
+    engine = context.build("physics", study_physics(context, study))
     checks += doubtful("tolerance", tolerance_remarks(simulated.chain, [engine]))
     checks += [_task(result), *_rest_pose(simulated), *_engines(simulated, result)]
-    budget = Budget(DOCTOR_S, result.final.wall_s, _fem_s(bench, study, stages), "it would take minutes")
+    budget = Budget(DOCTOR_S, result.final.wall_s, _fem_s(context, study, stages), "it would take minutes")
     return SelfCheck(tuple(checks), *_defaults(simulated, result, {}, budget))
 
 
-def check_run(bench: RunContext, done: StudyRun) -> SelfCheck:
+def check_run(context: RunContext, done: StudyRun) -> SelfCheck:
     """Return the cheap checks of a run, and the defaults that matter as far as its time allows.
 
     Simulations for the checks are stored with the run and reused.
@@ -96,7 +96,7 @@ def check_run(bench: RunContext, done: StudyRun) -> SelfCheck:
     if done.chain is None or done.engines[0].artifact is None or done.engines[0].result is None:
         return SelfCheck(tuple(checks_before_simulation(done.study, done.designs)))
     first, result = done.engines[0].artifact, done.engines[0].result
-    simulated = SimulatedVariants(bench, done.study, done.designs, done.chain)
+    simulated = SimulatedVariants(context, done.study, done.designs, done.chain)
     spread = done.uncertainty.value.get("metrics", {}) if done.uncertainty is not None else {}
     half = {name: (one["high"] - one["low"]) / 2.0 for name, one in spread.items()}
     stages = [
@@ -109,7 +109,7 @@ def check_run(bench: RunContext, done: StudyRun) -> SelfCheck:
     budget = Budget(
         max(OF_A_RUN * sum(walls), AT_LEAST_S),
         result.final.wall_s,
-        _fem_s(bench, done.study, done.designs),
+        _fem_s(context, done.study, done.designs),
         f"it would take more than {OF_A_RUN:.0%} of the run's time",
     )
 
@@ -121,7 +121,7 @@ def check_run(bench: RunContext, done: StudyRun) -> SelfCheck:
     study = done.study
     blocks = {head: content(block) for head in OF_THE_LAW if (block := getattr(study, head)) is not None}
     names = [name for _, _, name in default_numbers(study)]
-    made = bench.make(
+    made = context.make(
         "checks",
         compute,
         components=[],
@@ -141,19 +141,19 @@ def check_run(bench: RunContext, done: StudyRun) -> SelfCheck:
     )
 
 
-def checked_run(bench: RunContext, done: StudyRun) -> StudyRun:
+def checked_run(context: RunContext, done: StudyRun) -> StudyRun:
     """Return the run with its checks; their doubts are among its remarks."""
-    checked = check_run(bench, done)
+    checked = check_run(context, done)
     doubts = [check.sentence for check in checked.doubts if check.subject not in SAID_BY_RUN]
     return replace(done, checked=checked, doubts=(*done.doubts, *doubts))
 
 
-def model_checks(bench: RunContext, study: Study, stages: Sequence[DesignStages]) -> Iterator[Check]:
+def model_checks(context: RunContext, study: Study, stages: Sequence[DesignStages]) -> Iterator[Check]:
     """Yield the checks that need no simulation in time, for a model that is compared with a recording."""
     yield from checks_before_simulation(study, stages)
-    backend: PhysicsBackend = bench.build("physics", study_physics(bench, study))
+    backend: PhysicsBackend = context.build("physics", study_physics(context, study))
     if study.chain is not None and not backend.capabilities.dynamic:
-        yield from _rest_pose(SimulatedVariants(bench, study, stages))
+        yield from _rest_pose(SimulatedVariants(context, study, stages))
 
 
 def checks_before_simulation(study: Study, stages: Sequence[DesignStages]) -> Iterator[Check]:
@@ -255,12 +255,12 @@ def _apart(kind: str, there: TaskResult, own: TaskResult, length_m: float) -> Ch
     return Check("engines", "fine" if apart <= ENGINES_AGREE else "doubtful", said)
 
 
-def _fem_s(bench: RunContext, study: Study, stages: Sequence[DesignStages]) -> float:
+def _fem_s(context: RunContext, study: Study, stages: Sequence[DesignStages]) -> float:
     """Return the time of the FEM behind the study's laws in s; infinite for that of a shared block."""
     if any(stage.design.shared is not None for stage in stages):
         return math.inf
     wall_s = [float(one.fem.manifest["wall_s"]) for one in stages if one.fem is not None]
-    return sum(wall_s) if any(needs_fem(bench, study, one.design) for one in stages) else 0.0
+    return sum(wall_s) if any(needs_fem(context, study, one.design) for one in stages) else 0.0
 
 
 def _defaults(
@@ -268,7 +268,7 @@ def _defaults(
 ) -> tuple[tuple[DefaultThatMatters, ...], tuple[DefaultNotChecked, ...]]:
     study = simulated.study
     answer = OwnResult(result.metrics, simulated.chain.length_m, spread)
-    progress = simulated.bench.progress if budget.total_s > SHOWN_FROM_S else Silent()
+    progress = simulated.context.progress if budget.total_s > SHOWN_FROM_S else Silent()
     with open_progress_bar(progress, "defaults", len(list(default_numbers(study)))) as bar:
         matter, left = sensitivities(study, answer, simulated.simulate, budget, bar)
     return tuple(matter), tuple(left)
@@ -279,12 +279,12 @@ class SimulatedVariants:
     """Runs of a study and of its variants; their results are not stored.
 
     Attributes:
-        bench, study: the study.
+        context, study: the study.
         stages: its laws.
         built: its chain, if known.
     """
 
-    bench: RunContext
+    context: RunContext
     study: Study
     stages: Sequence[DesignStages]
     built: ChainModel | None = None
@@ -296,23 +296,23 @@ class SimulatedVariants:
 
     @cached_property
     def _quiet(self) -> RunContext:
-        return replace(self.bench, progress=Silent())
+        return replace(self.context, progress=Silent())
 
     def simulate(self, study: Study) -> TaskResult:
         """Return the task's result in the study's engine."""
-        bench = self._quiet
+        context = self._quiet
         same = all(getattr(study, head) is getattr(self.study, head) for head in ("chain", *OF_THE_LAW))
         chain = self.chain if same else self._chain(study)
-        effects = [bench.build("effect", effect) for effect in study.effects]
-        engine = bench.build("physics", study_physics(bench, study))
-        return run_task(engine, bench.build("task", study.noisy_task()), effects, chain)
+        effects = [context.build("effect", effect) for effect in study.effects]
+        engine = context.build("physics", study_physics(context, study))
+        return run_task(engine, context.build("task", study.noisy_task()), effects, chain)
 
     def bend_at_rest(self) -> float | None:
         """Return the rotation of the tip (rad) without actuation; None if the chain does not settle."""
-        bench, study = self._quiet, self.study
-        task = None if study.task is None else bench.build("task", study.noisy_task())
+        context, study = self._quiet, self.study
+        task = None if study.task is None else context.build("task", study.noisy_task())
         prepared = self.chain if task is None or isinstance(task, SceneTask) else task.prepare(self.chain)
-        with bench.build("physics", study_physics(bench, study)).build(prepared) as simulation:
+        with context.build("physics", study_physics(context, study)).build(prepared) as simulation:
             rest = simulation.settle()
         return float(np.linalg.norm(np.sum(rest.joint_angles, axis=0))) if rest.converged else None
 

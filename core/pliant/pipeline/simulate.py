@@ -179,7 +179,7 @@ class ChainSource:
 
 
 def simulate_stage(
-    bench: RunContext,
+    context: RunContext,
     source: ChainSource,
     physics: PhysicsConfig,
     task: TaskConfig,
@@ -194,14 +194,14 @@ def simulate_stage(
         MissingDependencyError: an engine that is not installed.
         UserError: a chain that the engine cannot simulate, or whose laws state no error to draw from.
     """
-    backend: PhysicsBackend = bench.build("physics", physics)
-    built_task: Task | SceneTask = bench.build("task", task)
-    built_effects: list[Effect] = [bench.build("effect", effect) for effect in effects]
+    backend: PhysicsBackend = context.build("physics", physics)
+    built_task: Task | SceneTask = context.build("task", task)
+    built_effects: list[Effect] = [context.build("effect", effect) for effect in effects]
     check_capabilities(backend, source.chain, physics.kind)
 
     def nominal(partial: Path) -> TaskResult:
         if sentence := backend.preparing(source.chain, histories=False):
-            bench.progress.note(sentence)
+            context.progress.note(sentence)
         return run_task(backend, built_task, built_effects, source.chain)
 
     compute: Callable[[Path], Any] = nominal
@@ -210,7 +210,7 @@ def simulate_stage(
         drawn, level = drawn_chains(source.chain, uncertainty.samples, uncertainty.seed), uncertainty.level
 
         def with_drawn_laws(partial: Path) -> dict[str, Any]:
-            bar, results = bench.progress.begin("drawn laws", len(drawn)), []
+            bar, results = context.progress.begin("drawn laws", len(drawn)), []
             try:
                 for chain in drawn:
                     results.append(run_task(backend, built_task, built_effects, chain))
@@ -221,10 +221,10 @@ def simulate_stage(
 
         stage, compute, more = "uncertainty", with_drawn_laws, {"uncertainty": content(uncertainty)}
     plugins = [("physics", physics), ("task", task), *(("effect", effect) for effect in effects)]
-    return bench.make(
+    return context.make(
         stage,
         compute,
-        components=[*source.components, *(bench.component(name, config) for name, config in plugins)],
+        components=[*source.components, *(context.component(name, config) for name, config in plugins)],
         modules=["pliant.pipeline.simulate", "pliant.pipeline.chain"],
         config={
             **source.config,

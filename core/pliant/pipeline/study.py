@@ -104,7 +104,7 @@ class StudyRun:
         return tuple(known.index(design.name) if design else 0 for design in of_segments)
 
 
-def law_components(bench: RunContext, stages: Sequence[DesignStages]) -> list[Component]:
+def law_components(context: RunContext, stages: Sequence[DesignStages]) -> list[Component]:
     """Return the distinct surrogates, and shared components, of the laws."""
     kinds = [
         (kind_blocks()[s.design.source], s.design.shared.kind)
@@ -112,35 +112,35 @@ def law_components(bench: RunContext, stages: Sequence[DesignStages]) -> list[Co
         else ("surrogate", s.design.surrogate.kind if s.design.surrogate else DEFAULT_SURROGATE)
         for s in stages
     ]
-    return [bench.registry.get(interface, kind) for interface, kind in dict.fromkeys(kinds)]
+    return [context.registry.get(interface, kind) for interface, kind in dict.fromkeys(kinds)]
 
 
-def check_study(bench: RunContext, study: Study) -> None:
+def check_study(context: RunContext, study: Study) -> None:
     """Build every plugin that the study names, so that an invalid design or a missing package is reported at once.
 
     Missing engines of `cross_check` are skipped later.
     """
-    families = check_families(bench, study)
+    families = check_families(context, study)
     for design, family in zip(distinct_designs(study), families, strict=True):
         if design.surrogate is not None:
-            surrogate: Surrogate = bench.build("surrogate", design.surrogate)
+            surrogate: Surrogate = context.build("surrogate", design.surrogate)
             if family is not None and surrogate.needs_fem():
                 surrogate.check_actuations(family.actuation)
     for key, interface in kind_blocks().items():
         if (block := study.block(key)) is not None:
-            bench.build(interface, block)
+            context.build(interface, block)
     for effect in study.effects:
-        bench.build("effect", effect)
+        context.build("effect", effect)
 
 
-def check_families(bench: RunContext, study: Study) -> list[ActuatorFamily | None]:
+def check_families(context: RunContext, study: Study) -> list[ActuatorFamily | None]:
     """Build and return the family of each distinct design, and check that the FEM block and the material fit it."""
     families: list[ActuatorFamily | None] = []
     for design in distinct_designs(study):
         if design.family is None:
             families.append(None)
             continue
-        built: ActuatorFamily = bench.build("family", design.family)
+        built: ActuatorFamily = context.build("family", design.family)
         if design.family.visual is not None:
             seen_surface(built)
         if study.fem is not None:
@@ -151,13 +151,13 @@ def check_families(bench: RunContext, study: Study) -> list[ActuatorFamily | Non
     return families
 
 
-def solve_study_fem(bench: RunContext, study: Study) -> tuple[Artifact, ...]:
+def solve_study_fem(context: RunContext, study: Study) -> tuple[Artifact, ...]:
     """Return the FEM data of each distinct design of the study."""
     study.need("family", "FEM")
     material, fem = study.need("material", "FEM"), study.need("fem", "FEM")
     artifacts = []
     for family in study_families(study):
-        artifacts.append(fem_stage(bench, family, material, fem))
+        artifacts.append(fem_stage(context, family, material, fem))
     return tuple(artifacts)
 
 
@@ -166,7 +166,7 @@ def study_families(study: Study) -> tuple[FamilyConfig, ...]:
     return tuple({repr(d.family.canonical()): d.family for d in distinct_designs(study) if d.family}.values())
 
 
-def build_study_laws(bench: RunContext, study: Study) -> tuple[DesignStages, ...]:
+def build_study_laws(context: RunContext, study: Study) -> tuple[DesignStages, ...]:
     """Return data and law of each distinct design of the study; a design with a shared block has no FEM data.
 
     Raises:
@@ -177,74 +177,76 @@ def build_study_laws(bench: RunContext, study: Study) -> tuple[DesignStages, ...
     laws: Iterator[LawStage] = iter(())
     if sharing:
         source = law_sources()[sharing[0].source]
-        laws = iter(imported(source.laws)(bench, study, [design.family for design in sharing]))
+        laws = iter(imported(source.laws)(context, study, [design.family for design in sharing]))
     return tuple(
-        DesignStages(design, None, next(laws)) if design.shared is not None else own_law(bench, study, design)
+        DesignStages(design, None, next(laws))
+        if design.shared is not None
+        else own_law(context, study, design)
         for design in designs
     )
 
 
-def own_law(bench: RunContext, study: Study, design: DesignSpec) -> DesignStages:
+def own_law(context: RunContext, study: Study, design: DesignSpec) -> DesignStages:
     """Return data and law of a design whose law is its own: stated, or fitted to its FEM or to a table."""
     key = shared_block(study)[1]
     if key and design.family is None and design.surrogate is None:
         study.need("family", f"a {key.replace('_', '-')}")
-    surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
-    stated = stated_law(bench, study, design)
+    surrogate = design.surrogate or _default(context, "surrogate", DEFAULT_SURROGATE)
+    stated = stated_law(context, study, design)
     fem = None
-    if stated is None and design.family and needs_fem(bench, study, design):
-        fem = fem_stage(bench, design.family, study.need("material", "FEM"), study.need("fem", "FEM"))
+    if stated is None and design.family and needs_fem(context, study, design):
+        fem = fem_stage(context, design.family, study.need("material", "FEM"), study.need("fem", "FEM"))
     elif design.family is not None and not (stated is not None and stated.stated_for_design):
-        unread = unread_by_law(bench.build("surrogate", surrogate), design.family, study.material)
+        unread = unread_by_law(context.build("surrogate", surrogate), design.family, study.material)
         if unread:
-            bench.progress.note(unread)
-    return DesignStages(design, fem, stated if stated is not None else law_stage(bench, surrogate, fem))
+            context.progress.note(unread)
+    return DesignStages(design, fem, stated if stated is not None else law_stage(context, surrogate, fem))
 
 
-def stated_law(bench: RunContext, study: Study, design: DesignSpec) -> LawStage | None:
+def stated_law(context: RunContext, study: Study, design: DesignSpec) -> LawStage | None:
     """Return the law that a design's surrogate states, or its family has in closed form; None if it is fitted.
 
     A family's closed form is used if the study has neither a `surrogate` nor a `fem` block.
     """
-    family = bench.build("family", design.family) if design.family is not None else None
-    material = bench.build("material", study.material) if study.material is not None else None
+    family = context.build("family", design.family) if design.family is not None else None
+    material = context.build("material", study.material) if study.material is not None else None
 
     def default() -> Any:
-        return _default(bench, "surrogate", DEFAULT_SURROGATE)
+        return _default(context, "surrogate", DEFAULT_SURROGATE)
 
     config = design.surrogate
     if config is None and study.fem is not None:
         config = default()
-    return stated_stage(bench, config, default, family, material)
+    return stated_stage(context, config, default, family, material)
 
 
 def law_from_table(
-    bench: RunContext, table: Path, kind: str, settings: Mapping[str, Any] | None = None
+    context: RunContext, table: Path, kind: str, settings: Mapping[str, Any] | None = None
 ) -> DesignStages:
     """Fit a law to any table by a surrogate of this kind with these keys of its block.
 
     Raises:
         UserError: a key that the surrogate does not have, or an error in the table.
     """
-    model = bench.registry.get("surrogate", kind).config_model()
+    model = context.registry.get("surrogate", kind).config_model()
     try:
         config: Any = model.model_validate({**(settings or {}), "kind": kind, "data": table})
     except ValidationError as error:
         raise UserError(sentences(error, model, lambda path: "", ("surrogate",))) from None
-    return DesignStages(DesignSpec(None, config), None, law_stage(bench, config, None))
+    return DesignStages(DesignSpec(None, config), None, law_stage(context, config, None))
 
 
-def needs_fem(bench: RunContext, study: Study, design: DesignSpec) -> bool:
+def needs_fem(context: RunContext, study: Study, design: DesignSpec) -> bool:
     """Return whether the law of a design is fitted to FEM of that design."""
     if design.shared is not None or design.family is None:
         return False
-    surrogate: Surrogate = bench.build(
-        "surrogate", design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
+    surrogate: Surrogate = context.build(
+        "surrogate", design.surrogate or _default(context, "surrogate", DEFAULT_SURROGATE)
     )
-    return surrogate.needs_fem() and stated_law(bench, study, design) is None
+    return surrogate.needs_fem() and stated_law(context, study, design) is None
 
 
-def build_study_chain(bench: RunContext, study: Study, mounted: bool = False) -> ChainSource:
+def build_study_chain(context: RunContext, study: Study, mounted: bool = False) -> ChainSource:
     """Return the study's chain after all earlier stages, without effects.
 
     Raises:
@@ -256,45 +258,45 @@ def build_study_chain(bench: RunContext, study: Study, mounted: bool = False) ->
             "A base that stays in the world is needed here: leave 'chain.base.mount' out. A robot on an arm can be "
             "simulated, drawn and exported (pliant run, render, export)."
         )
-    check_study(bench, study)
-    return _chain_source(bench, study, build_study_laws(bench, study))
+    check_study(context, study)
+    return _chain_source(context, study, build_study_laws(context, study))
 
 
-def study_physics(bench: RunContext, study: Study) -> Any:
+def study_physics(context: RunContext, study: Study) -> Any:
     """Return the config of the study's engine, or of the default one."""
-    return study.physics or _default(bench, "physics", DEFAULT_PHYSICS)
+    return study.physics or _default(context, "physics", DEFAULT_PHYSICS)
 
 
-def simulate_study(bench: RunContext, study: Study) -> StudyRun:
+def simulate_study(context: RunContext, study: Study) -> StudyRun:
     """Run all stages up to the task in the study's engine and in those of `cross_check`."""
     started = time.perf_counter()
     study.need("chain", "a simulation")
     task = study.noisy_task()
-    physics = study_physics(bench, study)
-    check_study(bench, study)
-    check_engines(bench, study, physics, *study.cross_check)
-    designs = build_study_laws(bench, study)
-    source = _chain_source(bench, study, designs)
-    engines = [EngineRun(physics.kind, simulate_stage(bench, source, physics, task, study.effects))]
+    physics = study_physics(context, study)
+    check_study(context, study)
+    check_engines(context, study, physics, *study.cross_check)
+    designs = build_study_laws(context, study)
+    source = _chain_source(context, study, designs)
+    engines = [EngineRun(physics.kind, simulate_stage(context, source, physics, task, study.effects))]
     for other in study.cross_check:
         try:
-            artifact = simulate_stage(bench, source, other, task, study.effects)
+            artifact = simulate_stage(context, source, other, task, study.effects)
             engines.append(EngineRun(other.kind, artifact))
         except MissingDependencyError as error:
-            bench.progress.note(f"skipped: {error}")
+            context.progress.note(f"skipped: {error}")
             engines.append(EngineRun(other.kind, None, skipped=str(error)))
     spread = None
     if study.uncertainty is not None:
-        spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
+        spread = simulate_stage(context, source, physics, task, study.effects, study.uncertainty)
     own = engines[0].result
     loads = None
     if own is not None and any(task.tip_load(source.chain.payload_kg)):
-        loads = loads_stage(bench, source, physics, task, study.effects, own)
+        loads = loads_stage(context, source, physics, task, study.effects, own)
     wall_s = time.perf_counter() - started
     configs = [physics, *study.cross_check]
-    damping = _damping_remarks(bench, configs, engines)
+    damping = _damping_remarks(context, configs, engines)
     ran = [one for one, run in zip(configs, engines, strict=True) if run.artifact is not None]
-    settled = tolerance_remarks(source.chain, [bench.build("physics", one) for one in ran])
+    settled = tolerance_remarks(source.chain, [context.build("physics", one) for one in ran])
     return StudyRun(study, designs, source.chain, tuple(engines), wall_s, spread, (*damping, *settled), loads)
 
 
@@ -303,14 +305,14 @@ OF_MOTION = ("_hz", "damping_ratio", "rise_time_s", "settling_time_s", "overshoo
 
 
 def _damping_remarks(
-    bench: RunContext, configs: Sequence[PhysicsConfig], engines: Sequence[EngineRun]
+    context: RunContext, configs: Sequence[PhysicsConfig], engines: Sequence[EngineRun]
 ) -> list[str]:
     """Return a sentence for each engine whose own damping affects the metrics of motion."""
     said = []
     for config, run in zip(configs, engines, strict=True):
         metrics = run.result.metrics if run.result is not None else {}
         names = [name for name, value in metrics.items() if name.endswith(OF_MOTION) and value is not None]
-        added = bench.build("physics", config).added_damping() if names else ""
+        added = context.build("physics", config).added_damping() if names else ""
         if added:
             said.append(
                 f"{config.kind} adds {added} to all motion, which is no property of the body: {', '.join(names)} "
@@ -325,7 +327,7 @@ def arm_content(study: Study) -> dict[str, Any]:
     return {} if mount is None else {"arm": [digest(file) for file in referenced_files(mount.file)]}
 
 
-def _chain_source(bench: RunContext, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
+def _chain_source(context: RunContext, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
     # Parsed segments, not their notation: "2 mm" and "0.002" give the same chain. The content of tables is in the keys
     # of the laws.
@@ -343,15 +345,15 @@ def _chain_source(bench: RunContext, study: Study, stages: Sequence[DesignStages
     config |= arm_content(study)
     if own := region_densities(study):
         config["region_densities_kg_m3"] = own
-    components = [bench.component("family", study.family)] if study.family else []
-    components += law_components(bench, stages)
+    components = [context.component("family", study.family)] if study.family else []
+    components += law_components(context, stages)
     inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
-    built = build_chain(chain, chain_segments(bench, study, stages))
+    built = build_chain(chain, chain_segments(context, study, stages))
     if built.parts.max() > 1:
         # Older results, which counted it once for each actuator, are not valid for this chain.
         config["elasticity"] = "once"
     return ChainSource(built, config, inputs, components)
 
 
-def _default(bench: RunContext, interface: str, kind: str) -> Any:
-    return bench.registry.get(interface, kind).config_model()(kind=kind)
+def _default(context: RunContext, interface: str, kind: str) -> Any:
+    return context.registry.get(interface, kind).config_model()(kind=kind)

@@ -51,10 +51,10 @@ class LawStage:
         return self.artifact.key if self.artifact else self.stated_key
 
 
-def law_stage(bench: RunContext, config: SurrogateConfig, dataset: Artifact | None) -> LawStage:
+def law_stage(context: RunContext, config: SurrogateConfig, dataset: Artifact | None) -> LawStage:
     """State or fit a law; `dataset` is the FEM artifact, or None if the config names its own data."""
-    component = bench.component("surrogate", config)
-    surrogate: Surrogate = bench.build("surrogate", config)
+    component = context.component("surrogate", config)
+    surrogate: Surrogate = context.build("surrogate", config)
     with component.guard("stated"):
         stated = surrogate.stated()
     if stated is not None:
@@ -89,7 +89,7 @@ def law_stage(bench: RunContext, config: SurrogateConfig, dataset: Artifact | No
         with component.guard("record"):
             return {"law": fitted.law.record(), "report": fitted.report}
 
-    artifact = bench.make(
+    artifact = context.make(
         "fit",
         compute,
         components=[component],
@@ -105,7 +105,7 @@ def law_stage(bench: RunContext, config: SurrogateConfig, dataset: Artifact | No
 
 
 def stated_stage(
-    bench: RunContext,
+    context: RunContext,
     config: SurrogateConfig | None,
     default: Callable[[], SurrogateConfig],
     family: ActuatorFamily | None,
@@ -114,20 +114,20 @@ def stated_stage(
     """Return the law that a surrogate states for a family, or its closed form; None if the law is fitted.
 
     Args:
-        bench: with the plugins.
+        context: with the plugins.
         config: of the surrogate; None if the family's own law has priority over `default`.
         default: returns the config of the surrogate otherwise.
         family, material: of which the law may be a function.
     """
     if config is None and family is not None:
-        with bench.component("family", family.config).guard("closed_form"):
+        with context.component("family", family.config).guard("closed_form"):
             law = family.closed_form(material)
         if law is not None:
             return LawStage(law, None, None, None, _digest(law))
     chosen = default() if config is None else config
-    surrogate: Surrogate = bench.build("surrogate", chosen)
+    surrogate: Surrogate = context.build("surrogate", chosen)
     for_any = type(surrogate).stated_for is Surrogate.stated_for
-    with bench.component("surrogate", chosen).guard("stated" if for_any else "stated_for"):
+    with context.component("surrogate", chosen).guard("stated" if for_any else "stated_for"):
         law = surrogate.stated() if for_any else surrogate.stated_for(family, material)
     if law is None:
         return None
@@ -195,10 +195,10 @@ def evaluations_per_second(law: JointLaw, count: int = 20_000) -> float:
     return count / best
 
 
-def study_law_beside(bench: RunContext, data: ModuleData) -> JointLaw | None:
+def study_law_beside(context: RunContext, data: ModuleData) -> JointLaw | None:
     """Return the law of the published form; None if it cannot be fitted or the surrogate is not installed."""
     try:
-        component = bench.registry.get("surrogate", "polynomial")
+        component = context.registry.get("surrogate", "polynomial")
         config = component.config_model().model_validate({"kind": "polynomial", "form": "study"})
         surrogate: Surrogate = component.build(config)
         return surrogate.fit_module(data).law

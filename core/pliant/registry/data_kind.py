@@ -24,13 +24,13 @@ class MeasuredData(Protocol):
     def sha256(self) -> str:
         """The digest of the file's content."""
 
-    def compare(self, bench: Any, workers: Any) -> tuple[Any, Callable[[], Any]]:
+    def compare(self, context: Any, workers: Any) -> tuple[Any, Callable[[], Any]]:
         """Return the record of the comparison with the model, and the call that returns its `Document`."""
 
     def candidates(self, registry: Any, kinds: Sequence[str] | None) -> Any:
         """Return what may explain the data, of these kinds of effects or all; raise `UserError` without any."""
 
-    def diagnose(self, bench: Any, candidates: Any, workers: Any) -> tuple[Any, Callable[[], Any]]:
+    def diagnose(self, context: Any, candidates: Any, workers: Any) -> tuple[Any, Callable[[], Any]]:
         """Return the record of the diagnosis, and the call that returns its `Document`."""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pliant.diagnosis.bands import Bands
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison_sentences import interpret
-from pliant.evidence.places import ErrorBin
+from pliant.evidence.error_bins import ErrorBin
 from pliant.evidence.scores import GroupError, OutputError
 from pliant.formatting import number, output_unit, whole_percent
 from pliant.records.design import Array

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pliant.evidence.covariates import Bins, Covariate, phases
-from pliant.evidence.places import ErrorBin, all_bins
+from pliant.evidence.error_bins import ErrorBin, all_bins
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, number, output_unit, whole_percent
 from pliant.records.design import Array

@@ -147,11 +147,11 @@ def not_excited_table(found: Diagnosis) -> Table | None:
 def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
     """Return for each effect its confounders, and the test that distinguishes the leading ones."""
 
-    def told_apart(a: str, b: str) -> str:
+    def distinguishing_test(a: str, b: str) -> str:
         """Return what either plugin states about the pair; empty if neither names the other."""
         for note, other in ((notes.get(a), b), (notes.get(b), a)):
-            if note is not None and note.look_alike == other:
-                return f"{b}: {note.told_apart}" if note.told_apart else ""
+            if note is not None and note.confounder == other:
+                return f"{b}: {note.distinguishing_test}" if note.distinguishing_test else ""
         return ""
 
     twins: dict[str, list[tuple[str, float]]] = {}
@@ -162,7 +162,7 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         imitators = [f"{b} ({whole_percent(share)})" for b, share in twins[a][:MOST_TWINS]]
         more = len(twins[a]) - len(imitators)
         cell = ", ".join(imitators) + (f" and {more} more" if more else "")
-        rows.append([a, cell, next((text for b, _ in twins[a] if (text := told_apart(a, b))), "")])
+        rows.append([a, cell, next((text for b, _ in twins[a] if (text := distinguishing_test(a, b))), "")])
     note = (
         "In brackets: the share of the effect's change, at a strength of 2 noise floors, that the other cannot "
         "imitate; the noise hides it."

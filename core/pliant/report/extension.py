@@ -20,10 +20,10 @@ from pliant.report.posterior import fitted_posterior_json, posterior_words, shar
 
 
 def extension_document(
-    title: str, measurement: Measurement, found: Extension, registry: Registry, remarks: tuple[str, ...] = ()
+    title: str, measurement: Measurement, found: Extension, registry: Registry
 ) -> Document:
-    """Return the document of `pliant extend`; `remarks` are limits of the model, in sentences."""
-    notes = [*measurement.remarks, *remarks]
+    """Return the document of `pliant extend`."""
+    notes = [*measurement.remarks, *found.remarks]
     doubts = doubtful(found.uncertainty)
     n, k = found.after.n, len(found.fit.x)
     if n <= k:
@@ -98,7 +98,7 @@ def _absent(found: Extension, registry: Registry) -> str:
     sentences = []
     for kind in found.absent:
         notes = registry.get("effect", kind).implementation_class().notes
-        run = f" A run that would show it: {notes.excited_by}" if notes.excited_by else ""
+        run = f" A run that would show it: {notes.excitation}" if notes.excitation else ""
         sentences.append(f"These readings show no {kind}: its strength is not told from zero.{run}")
     return " ".join([*sentences, "No study was written."])
 

@@ -63,10 +63,10 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
     )
 
 
-def stored_fem_page(bench: RunContext, study: Study, artifacts: Sequence[Artifact]) -> StoredPage:
+def stored_fem_page(context: RunContext, study: Study, artifacts: Sequence[Artifact]) -> StoredPage:
     """Return the page of a data set with the data that it depends on."""
     manifests = [a.manifest for a in artifacts]
-    return StoredPage(bench, manifests, [], "pliant.report.fem_page", {"study": study.canonical()})
+    return StoredPage(context, manifests, [], "pliant.report.fem_page", {"study": study.canonical()})
 
 
 def fem_json(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:

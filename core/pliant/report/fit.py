@@ -135,7 +135,7 @@ def table_document(
 
 
 def stored_fit_page(
-    bench: RunContext,
+    context: RunContext,
     document: Document,
     fitted: Sequence[ReportedLaw],
     study: Mapping[str, Any],
@@ -149,8 +149,8 @@ def stored_fit_page(
         "names": [[one.name, one.source] for one in every],
         "pieces": len(fitted),
     }
-    components = [bench.component("surrogate", one.config) for one in every if one.config is not None]
-    return StoredPage(bench, _manifests(fitted, compared), components, "pliant.report.fit_page", config)
+    components = [context.component("surrogate", one.config) for one in every if one.config is not None]
+    return StoredPage(context, _manifests(fitted, compared), components, "pliant.report.fit_page", config)
 
 
 def _manifests(fitted: Sequence[ReportedLaw], compared: Sequence[ReportedLaw]) -> list[Mapping[str, Any]]:
@@ -158,7 +158,7 @@ def _manifests(fitted: Sequence[ReportedLaw], compared: Sequence[ReportedLaw]) -
 
 
 def fitted_law(
-    bench: RunContext,
+    context: RunContext,
     name: str,
     config: SurrogateConfig,
     stage: LawStage,
@@ -170,7 +170,7 @@ def fitted_law(
     """Return a law with the data of its document; with `learning` the surrogate is also fitted to parts of the states.
 
     Args:
-        bench: plugins and store.
+        context: plugins and store.
         name: of the design, or of the surrogate where several are compared.
         config: of the surrogate.
         stage: the law.
@@ -181,7 +181,7 @@ def fitted_law(
     Raises:
         UserError: the law is stated by coefficients, so there is no fit to report.
     """
-    surrogate: Surrogate = bench.build("surrogate", config)
+    surrogate: Surrogate = context.build("surrogate", config)
     known = data is not None or stage.data is not None or bool(surrogate.tables())
     if stage.report is None or stage.artifact is None or not known:
         raise UserError(
@@ -191,7 +191,7 @@ def fitted_law(
     data = as_scored(_own_table_states(surrogate, stage) if data is None else data, stage.report)
     curve = None
     if learning and len(surrogate.tables()) <= 1 and len(data.actuations) == 1:
-        curve = learning_stage(bench, config, data, {"law": stage.artifact.key})
+        curve = learning_stage(context, config, data, {"law": stage.artifact.key})
     details = stage.report.details
     own = "study_form" in details or any(
         "study_form" in axis for axis in dict(details.get("axes", {})).values()
@@ -205,24 +205,24 @@ def fitted_law(
         float(stage.artifact.manifest["wall_s"]),
         curve.value if curve is not None else None,
         source,
-        None if own else study_law_beside(bench, data),
+        None if own else study_law_beside(context, data),
         config,
         (stage.artifact,) if curve is None else (stage.artifact, curve),
     )
 
 
 def fitted_designs(
-    bench: RunContext, designs: Sequence[DesignStages], learning: bool = True
+    context: RunContext, designs: Sequence[DesignStages], learning: bool = True
 ) -> list[ReportedLaw]:
     """Return the laws of a study's designs, named by number if there are several."""
     found = []
     for count, design in enumerate(designs, start=1):
         name = "the design" if len(designs) == 1 else f"design {count}"
-        default = bench.registry.get("surrogate", DEFAULT_SURROGATE)
+        default = context.registry.get("surrogate", DEFAULT_SURROGATE)
         config: Any = design.design.surrogate or default.config_model()(kind=DEFAULT_SURROGATE)
         data = design.fem.value if design.fem is not None else None
         source = "FEM" if design.fem is not None else "the table"
-        found.append(fitted_law(bench, name, config, design.law, data, learning=learning, source=source))
+        found.append(fitted_law(context, name, config, design.law, data, learning=learning, source=source))
     return found
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from pliant.diagnosis.classes import RunDesign
-from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.next_run import NextRun, RankedRun
+from pliant.diagnosis.next_run import RankedRun
+from pliant.diagnosis.planning import RunPlan
 from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, plural, whole_percent
@@ -42,32 +42,30 @@ RANKED_COLUMNS: tuple[Column[RankedRun], ...] = (
 def plan_document(
     title: str,
     measurement: Measurement,
-    found: Diagnosis,
-    chosen: Sequence[NextRun],
+    plan: RunPlan,
     files: Sequence[str],
     registry: Registry,
-    remark: str = "",
 ) -> Document:
     """Return the document of the runs that decide between the remaining hypotheses of a diagnosis.
 
     Args:
         title: the study's name.
         measurement: the diagnosed one.
-        found: its diagnosis.
-        chosen: the runs, the best first.
-        files: their protocol files.
+        plan: the diagnosis and the runs that follow it.
+        files: their protocol files; empty for runs that are not written.
         registry: the plugins, whose effects may have been left out.
-        remark: the reason if none was chosen although several explanations remain.
     """
+    found, chosen, remark = plan.diagnosis, plan.chosen, plan.remark
+    written = files or [""] * len(chosen)
     lines: list[Table | str] = [found.judgement.sentence]
     if chosen:
         lines.append(brief_table(RANKED_COLUMNS, chosen[0].ranked[:MOST_RANKED], OF_EACH_ALONE))
-    for one, file in zip(chosen, files, strict=True):
+    for one, file in zip(chosen, written, strict=True):
         lines += [f"{one.name} ({one.minutes:g} min): {one.run}", f"  {one.why}"]
         for a in dict.fromkeys(a for a, _ in one.separates):
             others = listed([named(b) for c, b in one.separates if c == a])
             lines.append(f"  expected to tell {named(a)} from {others}")
-        lines.append(f"  file   {file}")
+        lines += [f"  file   {file}"] if file else []
     none = remark or (NO_LISTED if found.verdict == "unknown_effect" else ONE_LEFT)
     return Document(
         kind=KIND,
@@ -78,7 +76,7 @@ def plan_document(
             "data_sha256": measurement.sha256,
             "verdict": found.verdict,
             "credible_set": [list(one) for one in found.judgement.credible],
-            "runs": [next_run_json(one, file) for one, file in zip(chosen, files, strict=True)],
+            "runs": [next_run_json(one, file) for one, file in zip(chosen, written, strict=True)],
             "minutes": sum(one.minutes for one in chosen),
             "remarks": [*found.remarks, *([remark] if remark else [])],
         },
@@ -91,12 +89,17 @@ def plan_document(
 
 
 def design_document(title: str, found: RunDesign, files: Sequence[str], registry: Registry) -> Document:
-    """Return the fewest runs that distinguish effects, before any measurement; `files` are their protocol files."""
+    """Return the fewest runs that distinguish effects, before any measurement; `files` are their protocol files.
+
+    Without `files` the runs are named alone.
+    """
+    files = files or [""] * len(found.chosen)
     lines: list[Table | str] = [_signals(found)] if found.chosen else []
     for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
         run = found.runs[k]
         lines.append(f"run {number}: {run.name} ({run.minutes:g} min): {run.words}")
-        lines.append(f"  {plural(count, 'group')} of effects told apart so far; file   {file}")
+        groups = f"  {plural(count, 'group')} of effects told apart so far"
+        lines.append(f"{groups}; file   {file}" if file else groups)
     whole = (
         f"{plural(len(found.chosen), 'run')}, {found.minutes:g} min: "
         f"{plural(found.parts[-1], 'group')} of {plural(len(found.snr), 'effect')}."

@@ -78,12 +78,12 @@ def simulation_document(done: StudyRun) -> Document:
     return run_document(finished(done, data), [*engine_lines(done), *metrics])
 
 
-def stored_run_page(bench: RunContext, done: StudyRun, run: FinishedRun) -> StoredPage:
+def stored_run_page(context: RunContext, done: StudyRun, run: FinishedRun) -> StoredPage:
     """Return the page of a run with the data that it depends on."""
     return StoredPage(
-        bench,
+        context,
         run.provenance,
-        law_components(bench, done.designs),
+        law_components(context, done.designs),
         "pliant.report.run_page",
         {
             "study": done.study.canonical(),

@@ -32,14 +32,14 @@ class StoredPage:
     """The inputs of a page, by which the store caches it.
 
     Attributes:
-        bench: with the store.
+        context: with the store.
         manifests: of the artifacts that it shows; they include the time of their computation, which a page shows.
         components: plugins on whose code it depends.
         module: Pliant's module that draws it.
         config: JSON values that it shows.
     """
 
-    bench: RunContext
+    context: RunContext
     manifests: Sequence[Mapping[str, Any]]
     components: Sequence[Component]
     module: str
@@ -52,7 +52,7 @@ class StoredPage:
             made = page(document)
             return {"html": made.html, "pictures": dict(made.pictures)}
 
-        artifact = self.bench.make(
+        artifact = self.context.make(
             "report",
             compute,
             components=self.components,

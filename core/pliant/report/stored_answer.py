@@ -52,14 +52,14 @@ class Question:
     """A question about a model and a measurement.
 
     Attributes:
-        bench: with the store.
+        context: with the store.
         study: the study, including its effects.
         measurement: the one that it is compared with.
         options: JSON values that the answer depends on.
         modules: that compute the answer; the stage is named after the first one.
     """
 
-    bench: RunContext
+    context: RunContext
     study: Study
     measurement: Measurement
     options: Mapping[str, Any]
@@ -67,21 +67,23 @@ class Question:
 
     def find(self, compute: Callable[[], Any]) -> Artifact:
         """Return the answer from the store, or compute it and keep it."""
-        bench = self.bench
-        components = [c for c in bench.registry.components if c.interface == "effect" and c.missing() is None]
+        context = self.context
+        components = [
+            c for c in context.registry.components if c.interface == "effect" and c.missing() is None
+        ]
         shipped = [c for c in components if not c.implementation.startswith(FILE_MODULE)]
-        return bench.make(
+        return context.make(
             self.modules[0].rpartition(".")[2],
             lambda partial: compute(),
-            components=[bench.component("physics", study_physics(bench, self.study)), *shipped],
+            components=[context.component("physics", study_physics(context, self.study)), *shipped],
             modules=[*self.modules, __name__, "pliant.report.render", "pliant.formatting"],
             config={
                 "study": content(self.study),
                 "options": dict(self.options),
-                "chain": _chain_digest(build_study_chain(bench, self.study).chain),
+                "chain": _chain_digest(build_study_chain(context, self.study).chain),
                 "measurement": content_digest(self.measurement),
                 "effects": sorted(component.kind for component in components),
-                "files": [digest(Path(file)) for file in effect_files(bench.registry)],
+                "files": [digest(Path(file)) for file in effect_files(context.registry)],
                 "libraries": {"pliant": __version__, **versions(LIBRARIES)},
             },
             inputs={},

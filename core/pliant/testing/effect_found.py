@@ -1,4 +1,4 @@
-"""Check that a diagnosis identifies an effect that is hidden in readings of its exciting runs.
+"""Check that a diagnosis identifies an effect that is hidden in readings of its recommended runs.
 
 The test object is a chain of three modules and two specimens of it, with coloured noise on every sensor. The candidates
 are the effect, its look-alike and a few installed general kinds.
@@ -42,11 +42,11 @@ SEED = 3
 
 
 def is_found_when_injected(subject: Subject) -> None:
-    """hidden in its `exciting` and a few plain runs, the effect is identified, or a class of look-alikes with it."""
+    """hidden in its recommended and a few plain runs, the effect is identified, or a class of look-alikes with it."""
     kind, effect = subject.component.kind, type(subject.build())
     if not effect.fitted:
         raise CheckSkipped("its numbers are data: it is no candidate of a diagnosis")
-    runs = _exciting_runs(subject, effect.exciting)
+    runs = _recommended_runs(subject, effect.recommended_experiments)
     predictor = _predictor(subject, _injected(subject, runs))
     found = diagnose(predictor, kinds=_candidates(subject), runs=runs[:1])
     if found.verdict == "missing_effect" and found.selected == (kind,):
@@ -57,23 +57,26 @@ def is_found_when_injected(subject: Subject) -> None:
     # The remaining candidates are single effects of one class, stated without readings, that has the kind.
     of_its_class = (kind,) in left and len(single) == len(left) and any(single <= one for one in classes)
     require(found.verdict == "ambiguous" and of_its_class, _told(subject, found))
-    twin = effect.notes.look_alike
-    apart = f"its exciting runs cannot tell it from {twin}, its look-alike"
+    twin = effect.notes.confounder
+    apart = f"its recommended runs cannot tell it from {twin}, its look-alike"
     require((twin,) not in left, f"{apart}: name runs that do, or drop it for {twin}")
 
 
-def _exciting_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRun, ...]:
-    """Return the effect's `exciting` runs and the plain ones, at the scale of the sample chain; new specimens first."""
+def _recommended_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRun, ...]:
+    """Return the effect's recommended and the plain runs at the scale of the sample chain, new specimens first."""
     known = list(BUILDERS)
     require(
         names,
-        "it says by no run how to show it: declare exciting = (…), names of runs of the menu that show the effect and "
-        f"tell it from its look-alike ({', '.join(known)})",
+        "it says by no run how to show it: declare recommended_experiments = (…), names of runs of the menu that show "
+        f"the effect and tell it from its look-alike ({', '.join(known)})",
     )
     for name in names:
-        require(name in known, f"exciting names '{name}', which is no run of the menu{closest(name, known)}")
+        require(
+            name in known,
+            f"recommended_experiments names '{name}', which is no run of the menu{closest(name, known)}",
+        )
     possible = {run.name: run for run in timed_catalogue(BenchScale.from_chain(_chain(subject), PRESSURE_PA))}
-    none = f"none of its exciting runs ({', '.join(names)}) can be done on a chain driven by its input"
+    none = f"none of its recommended runs ({', '.join(names)}) can be done on a chain driven by its input"
     require(any(name in possible for name in names), none)
     chosen = [possible[name] for name in dict.fromkeys((*names, *PLAIN_RUNS)) if name in possible]
     return tuple(sorted(chosen, key=lambda run: not run.new_specimen))
@@ -121,7 +124,7 @@ def _typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
 def _candidates(subject: Subject) -> tuple[str, ...]:
     """Return the effect, its look-alike and the general kinds, if they are installed."""
     installed = set(_registry(subject).kinds("effect"))
-    asked = dict.fromkeys((subject.component.kind, type(subject.build()).notes.look_alike, *GENERAL))
+    asked = dict.fromkeys((subject.component.kind, type(subject.build()).notes.confounder, *GENERAL))
     found = tuple(one for one in asked if one in installed)
     if len(found) < 2:
         raise CheckSkipped("no other effect is installed for which it could be taken")
@@ -136,8 +139,8 @@ def _chain(subject: Subject) -> ChainModel:
 
 
 def _predictor(subject: Subject, measurement: Measurement) -> Predictor:
-    bench = RunContext(_registry(subject), ArtifactStore(Path(".pliant/store")))
-    return Predictor(bench, follower(subject), _chain(subject), measurement)
+    context = RunContext(_registry(subject), ArtifactStore(Path(".pliant/store")))
+    return Predictor(context, follower(subject), _chain(subject), measurement)
 
 
 @once
@@ -158,7 +161,7 @@ def _noisy(rng: np.random.Generator, name: str, values: Array, length_m: float) 
 
 
 def _told(subject: Subject, found: Diagnosis) -> str:
-    kind, names = subject.component.kind, type(subject.build()).exciting
+    kind, names = subject.component.kind, type(subject.build()).recommended_experiments
     values = ", ".join(f"{name} {value:g}" for name, value in _typical(parameters(subject)).items())
     shares = ", ".join(
         f"{named(kinds)} {p:.0%}" for kinds, p in list(found.judgement.probability.items())[:3]
@@ -166,7 +169,11 @@ def _told(subject: Subject, found: Diagnosis) -> str:
     runs = listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))
     seen = f"with {values} hidden in {runs} the diagnosis says: {found.judgement.sentence} ({shares}). "
     if kind in found.not_excited:
-        return seen + "These runs do not show it: name others in exciting, or widen the plausible range"
+        return (
+            seen
+            + "These runs do not show it: name others in recommended_experiments, or widen the plausible range"
+        )
     return (
-        seen + "Name runs in exciting that tell it from these, or ask whether it is one of them in disguise"
+        seen
+        + "Name runs in recommended_experiments that tell it from these, or ask whether it is one of them in disguise"
     )

@@ -60,7 +60,7 @@ def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, 
 
 
 def stored_meta_page(
-    bench: RunContext, document: Document, fitted: Sequence[MetaFitted], study: Mapping[str, Any]
+    context: RunContext, document: Document, fitted: Sequence[MetaFitted], study: Mapping[str, Any]
 ) -> StoredPage:
     """Return the page of a meta-model with the data that it depends on; arguments as those of `meta_document`."""
     config = {
@@ -69,8 +69,8 @@ def stored_meta_page(
         "source": fitted[0].stage.solved.source,
         "proposals": [[*one.values, one.gain, one.basis] for one in fitted[0].proposals],
     }
-    components = [bench.component("meta_model", one.stage.config) for one in fitted]
-    return StoredPage(bench, _manifests(fitted), components, "pliant_designs.report.meta_page", config)
+    components = [context.component("meta_model", one.stage.config) for one in fitted]
+    return StoredPage(context, _manifests(fitted), components, "pliant_designs.report.meta_page", config)
 
 
 def _manifests(fitted: Sequence[MetaFitted]) -> list[Mapping[str, Any]]:

@@ -37,14 +37,14 @@ class ActuationGain(Effect):
     notes = EffectNotes(
         signature="the error grows in proportion to the pressure and is gone at zero pressure, whatever the load; up "
         "and down, fast and slow are alike.",
-        on_the_bench="hold a second gauge to the chamber at full pressure and measure the inside of one module: "
+        inspection="hold a second gauge to the chamber at full pressure and measure the inside of one module: "
         "pressure times area is the drive.",
-        look_alike="stiffness",
-        told_apart="a load without pressure: a gain is silent there, a stiffness is not.",
-        excited_by="step the pressure through its whole range without load, then hang a load at zero pressure.",
+        confounder="stiffness",
+        distinguishing_test="a load without pressure: a gain is silent there, a stiffness is not.",
+        excitation="step the pressure through its whole range without load, then hang a load at zero pressure.",
         where="every family, pressures and tendon forces alike, and every engine.",
     )
-    exciting = ("slow_cycles", "passive_load_steps", "blocked")
+    recommended_experiments = ("slow_cycles", "passive_load_steps", "blocked")
     config: ActuationGainConfig
 
     def apply(self, model: Model) -> Model:

@@ -37,21 +37,21 @@ class Backlash(Effect):
 
     place = "output"
     notes = EffectNotes(
-        signature="after every reversal the reading stands still until the joint has turned by the clearance, then "
-        "follows with the model's slope; the loop is as wide at any rate, pressure and load, and positions have "
-        "none.",
-        on_the_bench="turn the joint a little back and forth by hand while you watch the reading; tighten the grub "
-        "screw or preload the shaft by a spring.",
-        look_alike="friction_hysteresis",
-        told_apart="positions: friction holds the chain itself back, a play only its reading. By angles alone: the "
-        "loop of a play is as wide where the joint is stiff as where it is soft, friction's narrows as the joint "
-        "stiffens.",
-        excited_by="cycle the pressure in loops of different size, and loads at constant pressure, and film the tip "
-        "beside the angle.",
-        where="joints whose angle a gear, a cable or a shaft transmits to a sensor, as on tendon fingers; not "
-        "cameras or strain gauges. Every engine that follows histories, for it acts on readings only.",
+        signature="after every reversal the reading stands still until the joint has turned by the "
+        "clearance, then follows with the model's slope; the loop is as wide at any rate, pressure and load, "
+        "and positions have none.",
+        inspection="turn the joint a little back and forth by hand while you watch the reading; tighten the "
+        "grub screw or preload the shaft by a spring.",
+        confounder="friction_hysteresis",
+        distinguishing_test="positions: friction holds the chain itself back, a play only its reading. By "
+        "angles alone: the loop of a play is as wide where the joint is stiff as where it is soft, "
+        "friction's narrows as the joint stiffens.",
+        excitation="cycle the pressure in loops of different size, and loads at constant pressure, and film "
+        "the tip beside the angle.",
+        where="joints whose angle a gear, a cable or a shaft transmits to a sensor, as on tendon fingers; "
+        "not cameras or strain gauges. Every engine that follows histories, for it acts on readings only.",
     )
-    exciting = ("small_loops", "load_steps", "second_sensor")
+    recommended_experiments = ("small_loops", "load_steps", "second_sensor")
     config: BacklashConfig
 
     def apply(self, model: Model) -> Model:

@@ -35,20 +35,21 @@ class BaseMisalignment(Effect):
 
     place = "chain"
     notes = EffectNotes(
-        signature="all positions are turned about the base by one angle, at rest too, the tip by the length times "
-        "the angle. Angles are off only as far as gravity bends the chain, as they are with the base turned by the "
-        "tilt.",
-        on_the_bench="put a level on the clamp and hang a plumb line beside the vented chain; shim the clamp, or "
-        "state 'chain.base'.",
-        look_alike="gravity_scale",
-        told_apart="with the base hanging a wrong weight bends nothing, and the error of a tilt is largest there; "
-        "with the base level it is the other way round. A tilt moves the tip of an unloaded chain, a weight does "
-        "not.",
-        excited_by="film the tip at rest and in a cycle of pressure with the base hanging, then level and turned over.",
-        where="every family and every engine; read by angles alone it needs a chain that its weight bends, and a "
-        "tilt out of the bending plane hardly shows there.",
+        signature="all positions are turned about the base by one angle, at rest too, the tip by the length "
+        "times the angle. Angles are off only as far as gravity bends the chain, as they are with the base "
+        "turned by the tilt.",
+        inspection="put a level on the clamp and hang a plumb line beside the vented chain; shim the clamp, "
+        "or state 'chain.base'.",
+        confounder="gravity_scale",
+        distinguishing_test="with the base hanging a wrong weight bends nothing, and the error of a tilt is "
+        "largest there; with the base level it is the other way round. A tilt moves the tip of an unloaded "
+        "chain, a weight does not.",
+        excitation="film the tip at rest and in a cycle of pressure with the base hanging, then level and "
+        "turned over.",
+        where="every family and every engine; read by angles alone it needs a chain that its weight bends, "
+        "and a tilt out of the bending plane hardly shows there.",
     )
-    exciting = ("second_sensor", "level", "upside_down")
+    recommended_experiments = ("second_sensor", "level", "upside_down")
     config: BaseMisalignmentConfig
 
     def apply(self, model: Model) -> Model:

@@ -36,17 +36,18 @@ class Bimodulus(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="under loads without pressure the angle is too small one way and too large the other; there is a "
-        "kink in the curve of angle over load at the straight joint, the same at every rate.",
-        on_the_bench="pull the vented joint to either side with a spring scale, and look for a wall, a seam or a "
-        "sleeve that lies off the middle.",
-        look_alike="stiffness",
-        told_apart="load steps of both signs without pressure: a stiffness is off by the same factor both ways, a "
-        "bimodulus by opposite ones.",
-        excited_by="vent the chamber and hang the same loads on either side of the joint, one after the other.",
+        signature="under loads without pressure the angle is too small one way and too large the other; "
+        "there is a kink in the curve of angle over load at the straight joint, the same at every rate.",
+        inspection="pull the vented joint to either side with a spring scale, and look for a wall, a seam or "
+        "a sleeve that lies off the middle.",
+        confounder="stiffness",
+        distinguishing_test="load steps of both signs without pressure: a stiffness is off by the same "
+        "factor both ways, a bimodulus by opposite ones.",
+        excitation="vent the chamber and hang the same loads on either side of the joint, one after the "
+        "other.",
         where="every family and engine; opposed chambers too, one side then being the softer.",
     )
-    exciting = ("passive_load_steps", "load_steps", "upside_down")
+    recommended_experiments = ("passive_load_steps", "load_steps", "upside_down")
     config: BimodulusConfig
 
     def apply(self, model: Model) -> Model:

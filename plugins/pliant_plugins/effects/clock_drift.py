@@ -33,17 +33,18 @@ class ClockDrift(Effect):
     place = "input"
     notes = EffectNotes(
         origin="bench",
-        signature="readings are in time at the beginning of a run and later and later, or earlier and earlier, "
-        "toward its end; a new run begins in time again.",
-        on_the_bench="record one signal with both recorders for as long as the longest run and compare its end; then "
-        "stretch one clock in the file.",
-        look_alike="clock_offset",
-        told_apart="a clock that runs wrong is right at the beginning of a run and worst at its end; one that is off "
-        "is off as much everywhere.",
-        excited_by="cycle quickly for several minutes in one run.",
-        where="recordings with a clock whose inputs move, the longer the better; every engine that follows histories.",
+        signature="readings are in time at the beginning of a run and later and later, or earlier and "
+        "earlier, toward its end; a new run begins in time again.",
+        inspection="record one signal with both recorders for as long as the longest run and compare its "
+        "end; then stretch one clock in the file.",
+        confounder="clock_offset",
+        distinguishing_test="a clock that runs wrong is right at the beginning of a run and worst at its "
+        "end; one that is off is off as much everywhere.",
+        excitation="cycle quickly for several minutes in one run.",
+        where="recordings with a clock whose inputs move, the longer the better; every engine that follows "
+        "histories.",
     )
-    exciting = ("fast_cycles", "slow_cycles", "small_loops")
+    recommended_experiments = ("fast_cycles", "slow_cycles", "small_loops")
     config: ClockDriftConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

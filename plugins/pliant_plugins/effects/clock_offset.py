@@ -33,17 +33,17 @@ class ClockOffset(Effect):
     place = "input"
     notes = EffectNotes(
         origin="bench",
-        signature="readings follow every input and every load late by the same time, or come before them, and nothing "
-        "is rounded: a step stays a step.",
-        on_the_bench="give both recorders one trigger, or tap the joint so that both see it; then shift one clock in "
-        "the file.",
-        look_alike="supply_lag",
-        told_apart="a supply rounds a step and leaves loads in time; clocks shift both and round nothing. Readings "
-        "that come before their cause can only be a clock.",
-        excited_by="step the pressure, then a load at constant pressure, sampled ten times a second or more.",
+        signature="readings follow every input and every load late by the same time, or come before them, "
+        "and nothing is rounded: a step stays a step.",
+        inspection="give both recorders one trigger, or tap the joint so that both see it; then shift one "
+        "clock in the file.",
+        confounder="supply_lag",
+        distinguishing_test="a supply rounds a step and leaves loads in time; clocks shift both and round "
+        "nothing. Readings that come before their cause can only be a clock.",
+        excitation="step the pressure, then a load at constant pressure, sampled ten times a second or more.",
         where="recordings with a clock whose inputs move; every engine that follows histories.",
     )
-    exciting = ("step_response", "load_steps", "fast_cycles")
+    recommended_experiments = ("step_response", "load_steps", "fast_cycles")
     config: ClockOffsetConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

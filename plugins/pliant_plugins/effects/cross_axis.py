@@ -38,19 +38,20 @@ class CrossAxis(Effect):
 
     place = "chain"
     notes = EffectNotes(
-        signature="under pressure the tip leaves the plane in which the model bends, in proportion to the bend; what "
-        "is missing within the plane is of second order. At rest positions are right, and so are angles.",
-        on_the_bench="sight along the chain while it bends: do the seams or the stiff layers of all modules lie in "
-        "one line?",
-        look_alike="base_misalignment",
-        told_apart="a tilted or turned base moves the tip of the unloaded chain too and shows in angles when gravity "
-        "acts; a turned axis shows only as the chain bends.",
-        excited_by="film the tip from two sides in a cycle of pressure; then roll the base by 90° and repeat it "
-        "under gravity.",
-        where="hinge and ball joints of every family, every engine; positions across the plane must be measured, for "
-        "angles show it only where a load or a weight acts across the plane.",
+        signature="under pressure the tip leaves the plane in which the model bends, in proportion to the "
+        "bend; what is missing within the plane is of second order. At rest positions are right, and so are "
+        "angles.",
+        inspection="sight along the chain while it bends: do the seams or the stiff layers of all modules "
+        "lie in one line?",
+        confounder="base_misalignment",
+        distinguishing_test="a tilted or turned base moves the tip of the unloaded chain too and shows in "
+        "angles when gravity acts; a turned axis shows only as the chain bends.",
+        excitation="film the tip from two sides in a cycle of pressure; then roll the base by 90° and repeat "
+        "it under gravity.",
+        where="hinge and ball joints of every family, every engine; positions across the plane must be "
+        "measured, for angles show it only where a load or a weight acts across the plane.",
     )
-    exciting = ("second_sensor", "sideways")
+    recommended_experiments = ("second_sensor", "sideways")
     config: CrossAxisConfig
 
     def apply(self, model: Model) -> Model:

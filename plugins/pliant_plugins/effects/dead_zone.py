@@ -40,15 +40,15 @@ class DeadZone(Effect):
     notes = EffectNotes(
         signature="nothing moves at the smallest pressures, and above the threshold the angle lags behind by the "
         "same pressure; up and down are alike.",
-        on_the_bench="raise the pressure by hand from zero and note where the joint first moves; read the smallest "
+        inspection="raise the pressure by hand from zero and note where the joint first moves; read the smallest "
         "pressure in the regulator's data sheet.",
-        look_alike="pressure_offset",
-        told_apart="at zero pressure a dead zone is silent; an offset bends the joint there.",
-        excited_by="raise the pressure from zero in small steps through the lowest tenth of the range, and lower it "
+        confounder="pressure_offset",
+        distinguishing_test="at zero pressure a dead zone is silent; an offset bends the joint there.",
+        excitation="raise the pressure from zero in small steps through the lowest tenth of the range, and lower it "
         "again.",
         where="families that a pressure drives, every engine; it needs samples at the lowest pressures.",
     )
-    exciting = ("slow_cycles", "vented_zero", "blocked")
+    recommended_experiments = ("slow_cycles", "vented_zero", "blocked")
     config: DeadZoneConfig
 
     def apply(self, model: Model) -> Model:

@@ -19,7 +19,7 @@ from typing import Literal
 
 from pliant.errors import ImpossibleEffectError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
-from pliant.mechanics.law_around import LawWrapper
+from pliant.mechanics.law_wrapper import LawWrapper
 from pliant.records.chain import Joint
 from pliant.records.design import Array
 from pliant.records.law import Domain, Effort, JointLaw
@@ -85,17 +85,20 @@ class EndRestraint(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="the joints at the clamp and at the cap bend too little by the same share at every pressure and "
-        "load, those between them are right; the tip's turn is off by a constant, however many modules there are.",
-        on_the_bench="look how far glue, hose clamp and cap reach over the first and the last bellow, and whether "
-        "the clamp itself gives.",
-        look_alike="stiffness",
-        told_apart="read every joint's angle: a stiffness is wrong in all of them, held ends at the ends alone.",
-        excited_by="film a marker on every module through a slow pressure sweep, without a load and with loads "
-        "either way.",
-        where="chains of two joints or more of every family; every engine, in those that compile laws a slower way.",
+        signature="the joints at the clamp and at the cap bend too little by the same share at every "
+        "pressure and load, those between them are right; the tip's turn is off by a constant, however many "
+        "modules there are.",
+        inspection="look how far glue, hose clamp and cap reach over the first and the last bellow, and "
+        "whether the clamp itself gives.",
+        confounder="stiffness",
+        distinguishing_test="read every joint's angle: a stiffness is wrong in all of them, held ends at the "
+        "ends alone.",
+        excitation="film a marker on every module through a slow pressure sweep, without a load and with "
+        "loads either way.",
+        where="chains of two joints or more of every family; every engine, in those that compile laws a "
+        "slower way.",
     )
-    exciting = ("second_sensor", "passive_load_steps")
+    recommended_experiments = ("second_sensor", "passive_load_steps")
     config: EndRestraintConfig
 
     def apply(self, model: Model) -> Model:

@@ -56,18 +56,20 @@ class FrictionHysteresis(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="loading and unloading run apart by the same width at every rate; after a reversal the joint first "
-        "stands nearly still; in a hold nothing drifts, and the joint does not return to where it began.",
-        on_the_bench="bend the vented joint by hand to either side, let it come back slowly and mark where it stays; "
-        "look for sleeves, hoses and cables that rub.",
-        look_alike="viscoelastic",
-        told_apart="the loop of friction is as wide in a slow run as in a fast one and does not close in a hold.",
-        excited_by="cycle the pressure up and down, with small loops inside the large one, at two rates a factor of "
-        "ten apart.",
-        where="folds, fibres and sleeves that rub; recordings with or without a clock, in engines that follow "
-        "histories: `quasistatic` and `mujoco`.",
+        signature="loading and unloading run apart by the same width at every rate; after a reversal the "
+        "joint first stands nearly still; in a hold nothing drifts, and the joint does not return to where "
+        "it began.",
+        inspection="bend the vented joint by hand to either side, let it come back slowly and mark where it "
+        "stays; look for sleeves, hoses and cables that rub.",
+        confounder="viscoelastic",
+        distinguishing_test="the loop of friction is as wide in a slow run as in a fast one and does not "
+        "close in a hold.",
+        excitation="cycle the pressure up and down, with small loops inside the large one, at two rates a "
+        "factor of ten apart.",
+        where="folds, fibres and sleeves that rub; recordings with or without a clock, in engines that "
+        "follow histories: `quasistatic` and `mujoco`.",
     )
-    exciting = ("small_loops", "slow_cycles", "fast_cycles")
+    recommended_experiments = ("small_loops", "slow_cycles", "fast_cycles")
     config: FrictionHysteresisConfig
 
     def apply(self, model: Model) -> Model:

@@ -40,17 +40,18 @@ class GravityError(Effect):
     place = "chain"
     notes = EffectNotes(
         origin="bench",
-        signature="the error follows the weight of the chain and its payload, in one direction of the world, at rest "
-        "too, and does not depend on the pressure otherwise.",
-        on_the_bench="hang a plumb line beside the base, and write the gravity along it, or none on a table, as "
-        "'chain.gravity' in the study.",
-        look_alike="base_misalignment",
-        told_apart="turn the base by 90° and 180°: the error of a wrong gravity stays in the world, that of a tilted "
-        "mount turns with the base.",
-        excited_by="repeat one pressure sweep with the base hanging, level and turned over, and with a payload.",
+        signature="the error follows the weight of the chain and its payload, in one direction of the world, "
+        "at rest too, and does not depend on the pressure otherwise.",
+        inspection="hang a plumb line beside the base, and write the gravity along it, or none on a table, "
+        "as 'chain.gravity' in the study.",
+        confounder="base_misalignment",
+        distinguishing_test="turn the base by 90° and 180°: the error of a wrong gravity stays in the world, "
+        "that of a tilted mount turns with the base.",
+        excitation="repeat one pressure sweep with the base hanging, level and turned over, and with a "
+        "payload.",
         where="studies whose 'chain.gravity' is not that of a level bench, every engine.",
     )
-    exciting = ("level", "upside_down", "payload_steps")
+    recommended_experiments = ("level", "upside_down", "payload_steps")
     config: GravityErrorConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

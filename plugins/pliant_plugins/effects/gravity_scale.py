@@ -37,17 +37,18 @@ class GravityScale(Effect):
 
     place = "chain"
     notes = EffectNotes(
-        signature="the error changes with the orientation of the base, is largest with the chain held level, grows "
-        "toward the base, and is gone where the chain lies on a table; weights beside the axis show where it hangs "
-        "straight down, too.",
-        on_the_bench="weigh the chain with its hoses, cap and markers, and balance it on an edge to find its centre "
-        "of mass.",
-        look_alike="stiffness",
-        told_apart="turn the base by 90° and 180°: the error of a weight turns with it, that of a stiffness stays.",
-        excited_by="repeat one pressure sweep with the base hanging, level and turned over.",
+        signature="the error changes with the orientation of the base, is largest with the chain held level, "
+        "grows toward the base, and is gone where the chain lies on a table; weights beside the axis show "
+        "where it hangs straight down, too.",
+        inspection="weigh the chain with its hoses, cap and markers, and balance it on an edge to find its "
+        "centre of mass.",
+        confounder="stiffness",
+        distinguishing_test="turn the base by 90° and 180°: the error of a weight turns with it, that of a "
+        "stiffness stays.",
+        excitation="repeat one pressure sweep with the base hanging, level and turned over.",
         where="chains that their weight or payload bends, every engine; a chain on a table does not show it.",
     )
-    exciting = ("level", "upside_down", "sideways")
+    recommended_experiments = ("level", "upside_down", "sideways")
     config: GravityScaleConfig
 
     def apply(self, model: Model) -> Model:

@@ -64,16 +64,16 @@ class Inertia(Effect):
     notes = EffectNotes(
         signature="after a fast step the joint overshoots and rings at a frequency that falls with the mass it "
         "carries; in slow runs and holds nothing is seen.",
-        on_the_bench="film a quick vent at fifty pictures a second or more and count the swings; weigh what hangs at "
+        inspection="film a quick vent at fifty pictures a second or more and count the swings; weigh what hangs at "
         "the tip.",
-        look_alike="viscous_damping",
-        told_apart="damping only delays; a mass overshoots, the more the heavier the payload.",
-        excited_by="step the pressure as fast as the valve allows and record at 50 Hz or more, with and without a "
+        confounder="viscous_damping",
+        distinguishing_test="damping only delays; a mass overshoots, the more the heavier the payload.",
+        excitation="step the pressure as fast as the valve allows and record at 50 Hz or more, with and without a "
         "payload.",
         where="chains with masses in the quasistatic engine, sampled above twenty times per swing; mujoco "
         "accelerates masses itself and refuses it (with drag_1_s and joint_damping 0 its chain swings freely).",
     )
-    exciting = ("step_response", "fast_cycles")
+    recommended_experiments = ("step_response", "fast_cycles")
     config: InertiaConfig
 
     def apply(self, model: Model) -> Model:

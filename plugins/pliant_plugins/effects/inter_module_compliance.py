@@ -40,20 +40,20 @@ class InterModuleCompliance(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="the chain bends farther under loads than its modules do, the more the larger the moment that "
-        "passes a connection; joints between two others are off by more than those at the ends, and one module is "
-        "right.",
-        on_the_bench="bend two neighbouring modules by hand and watch the joint of glue or the connector between "
-        "them.",
-        look_alike="stiffness",
-        told_apart="read every joint: a stiffness is off by one factor in all of them, connections by half as much "
-        "in the first and the last; and where pressure or a large angle stiffens modules, connections stay as they "
-        "are.",
-        excited_by="hang loads on the vented chain, then on the pressed one, and read every joint's angle.",
-        where="chains of two modules or more that bend, hinges and ball joints; every engine. Read by the sum of "
-        "angles alone it is nearly a stiffness.",
+        signature="the chain bends farther under loads than its modules do, the more the larger the moment "
+        "that passes a connection; joints between two others are off by more than those at the ends, and one "
+        "module is right.",
+        inspection="bend two neighbouring modules by hand and watch the joint of glue or the connector "
+        "between them.",
+        confounder="stiffness",
+        distinguishing_test="read every joint: a stiffness is off by one factor in all of them, connections "
+        "by half as much in the first and the last; and where pressure or a large angle stiffens modules, "
+        "connections stay as they are.",
+        excitation="hang loads on the vented chain, then on the pressed one, and read every joint's angle.",
+        where="chains of two modules or more that bend, hinges and ball joints; every engine. Read by the "
+        "sum of angles alone it is nearly a stiffness.",
     )
-    exciting = ("second_sensor", "passive_load_steps", "load_steps")
+    recommended_experiments = ("second_sensor", "passive_load_steps", "load_steps")
     config: InterModuleComplianceConfig
 
     def apply(self, model: Model) -> Model:

@@ -51,17 +51,17 @@ class Leak(Effect):
 
     place = "input"
     notes = EffectNotes(
-        signature="with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to "
-        "the supply it stands nearly still, a small share below the model.",
-        on_the_bench="close the valve at full pressure, watch the gauge for a minute and brush soapy water over "
-        "seams and fittings.",
-        look_alike="viscoelastic",
-        told_apart="a material that relaxes goes on bending under a pressure that is held by the regulator; a leak "
-        "shows only once the valve is closed, and always toward the straight joint.",
-        excited_by="fill the chamber, close the valve and record for a minute.",
+        signature="with the valve closed the joint sinks back at a rate in proportion to its pressure; "
+        "connected to the supply it stands nearly still, a small share below the model.",
+        inspection="close the valve at full pressure, watch the gauge for a minute and brush soapy water "
+        "over seams and fittings.",
+        confounder="viscoelastic",
+        distinguishing_test="a material that relaxes goes on bending under a pressure that is held by the "
+        "regulator; a leak shows only once the valve is closed, and always toward the straight joint.",
+        excitation="fill the chamber, close the valve and record for a minute.",
         where="families that a pressure drives, every engine; recordings with the column valve_open.",
     )
-    exciting = ("closed_valve", "holds")
+    recommended_experiments = ("closed_valve", "holds")
     config: LeakConfig
 
     def apply(self, model: Model) -> Model:

@@ -137,11 +137,13 @@ class Learned(Effect):
     place = "law"  # of a curve that acts on a law: others act where `acts_on` says
     fitted = False
     notes = EffectNotes(
-        signature="nothing gives it away: it describes what is left when no listed effect explains the error, in the "
-        "circumstances that tell most of it.",
-        on_the_bench="look for what changes with the covariate that it depends on, and at the place where it acts.",
-        told_apart="a listed effect that predicts as well is the better answer: it holds outside the data too.",
-        excited_by="widen the range of the covariate, and repeat a run in its middle.",
+        signature="nothing gives it away: it describes what is left when no listed effect explains the "
+        "error, in the circumstances that tell most of it.",
+        inspection="look for what changes with the covariate that it depends on, and at the place where it "
+        "acts.",
+        distinguishing_test="a listed effect that predicts as well is the better answer: it holds outside "
+        "the data too.",
+        excitation="widen the range of the covariate, and repeat a run in its middle.",
         where="every family; curves of the law or with memory in engines that follow histories.",
     )
     config: LearnedConfig

@@ -44,13 +44,13 @@ class LinkStretch(Effect):
     notes = EffectNotes(
         signature="angles are right and positions too near the base, by a share of their distance that grows with "
         "the pressure; without pressure they are right, under any load.",
-        on_the_bench="hold a ruler beside the chain and measure its length vented and at full pressure.",
-        look_alike="actuation_gain",
-        told_apart="a gain turns every joint; a stretch moves markers and turns nothing.",
-        excited_by="film the tip and every joint's angle through a slow pressure sweep to the top of the range.",
+        inspection="hold a ruler beside the chain and measure its length vented and at full pressure.",
+        confounder="actuation_gain",
+        distinguishing_test="a gain turns every joint; a stretch moves markers and turns nothing.",
+        excitation="film the tip and every joint's angle through a slow pressure sweep to the top of the range.",
         where="chains under pressure whose tip or markers are read; every engine, since only readings change.",
     )
-    exciting = ("second_sensor",)
+    recommended_experiments = ("second_sensor",)
     config: LinkStretchConfig
 
     def apply(self, model: Model) -> Model:

@@ -31,15 +31,17 @@ class LoadError(Effect):
     place = "input"
     notes = EffectNotes(
         origin="bench",
-        signature="the error goes with the moment or the force at the tip and is gone where none acts, at every "
-        "pressure.",
-        on_the_bench="measure the lever arm and hang a known weight on the load cell; correct the column of the load.",
-        look_alike="stiffness",
-        told_apart="a pressure sweep without a load is right with a wrong load, and wrong with a wrong stiffness.",
-        excited_by="push both ways without pressure, then sweep the pressure without a load.",
+        signature="the error goes with the moment or the force at the tip and is gone where none acts, at "
+        "every pressure.",
+        inspection="measure the lever arm and hang a known weight on the load cell; correct the column of "
+        "the load.",
+        confounder="stiffness",
+        distinguishing_test="a pressure sweep without a load is right with a wrong load, and wrong with a "
+        "wrong stiffness.",
+        excitation="push both ways without pressure, then sweep the pressure without a load.",
         where="recordings with a moment or a force at the tip; every engine that follows histories.",
     )
-    exciting = ("passive_load_steps", "load_steps", "slow_cycles")
+    recommended_experiments = ("passive_load_steps", "load_steps", "slow_cycles")
     config: LoadErrorConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

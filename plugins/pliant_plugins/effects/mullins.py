@@ -48,19 +48,19 @@ class Mullins(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="the first loading of a new specimen is stiffer than all that follow up to the same angle; going "
-        "beyond the largest past angle it is as stiff as new.",
-        on_the_bench="cycle the specimen three times to the top of the range before every recording, and write down "
-        "what it has been through.",
-        look_alike="stiffness",
-        told_apart="a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
-        "specimen.",
-        excited_by="take a specimen that was never loaded and cycle it three times each to a third, two thirds and "
-        "all of the range.",
-        where="filled rubbers and silicones, with the order of runs and specimens recorded; engines that follow "
-        "histories: `quasistatic` and `mujoco`.",
+        signature="the first loading of a new specimen is stiffer than all that follow up to the same angle; "
+        "going beyond the largest past angle it is as stiff as new.",
+        inspection="cycle the specimen three times to the top of the range before every recording, and write "
+        "down what it has been through.",
+        confounder="stiffness",
+        distinguishing_test="a stiffness is the same in the first and the second cycle; give cycle numbers "
+        "and a virgin specimen.",
+        excitation="take a specimen that was never loaded and cycle it three times each to a third, two "
+        "thirds and all of the range.",
+        where="filled rubbers and silicones, with the order of runs and specimens recorded; engines that "
+        "follow histories: `quasistatic` and `mujoco`.",
     )
-    exciting = ("virgin", "slow_cycles")
+    recommended_experiments = ("virgin", "slow_cycles")
     config: MullinsConfig
 
     def apply(self, model: Model) -> Model:

@@ -40,17 +40,17 @@ class PayloadError(Effect):
     place = "input"
     notes = EffectNotes(
         origin="bench",
-        signature="runs with a payload are off by what more or less weight would do, in proportion to the payload; "
-        "runs without one are right.",
-        on_the_bench="weigh what hung there, with its hook and cable, and correct 'payload_kg' in the recording, in "
-        "its name or in the study.",
-        look_alike="stiffness",
-        told_apart="without a payload the error of a wrong payload is gone, that of a stiffness stays; with half of it "
-        "the error is half.",
-        excited_by="repeat one pressure sweep with no payload, half of it and all of it.",
+        signature="runs with a payload are off by what more or less weight would do, in proportion to the "
+        "payload; runs without one are right.",
+        inspection="weigh what hung there, with its hook and cable, and correct 'payload_kg' in the "
+        "recording, in its name or in the study.",
+        confounder="stiffness",
+        distinguishing_test="without a payload the error of a wrong payload is gone, that of a stiffness "
+        "stays; with half of it the error is half.",
+        excitation="repeat one pressure sweep with no payload, half of it and all of it.",
         where="recordings and chains that state a payload, under gravity; every engine.",
     )
-    exciting = ("payload_steps", "level", "slow_cycles")
+    recommended_experiments = ("payload_steps", "level", "slow_cycles")
     config: PayloadErrorConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

@@ -35,17 +35,19 @@ class PermanentSet(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="vented and unloaded, the joint stays a little bent, the more the farther it has ever been; "
-        "waiting does not help, and a repeat of the same cycle adds nothing.",
-        on_the_bench="photograph the vented chain from one place before the first cycle and after the largest one, "
-        "and lay one picture over the other.",
-        look_alike="pressure_offset",
-        told_apart="an offset is there before the first loading and never grows; a set grows with the largest angle.",
-        excited_by="start with a virgin specimen, load to higher and higher levels and vent for a minute after each.",
-        where="rubbers and 3D-printed elastomers, with the order of runs and specimens recorded; engines that follow "
-        "histories: `quasistatic` and `mujoco`.",
+        signature="vented and unloaded, the joint stays a little bent, the more the farther it has ever "
+        "been; waiting does not help, and a repeat of the same cycle adds nothing.",
+        inspection="photograph the vented chain from one place before the first cycle and after the largest "
+        "one, and lay one picture over the other.",
+        confounder="pressure_offset",
+        distinguishing_test="an offset is there before the first loading and never grows; a set grows with "
+        "the largest angle.",
+        excitation="start with a virgin specimen, load to higher and higher levels and vent for a minute "
+        "after each.",
+        where="rubbers and 3D-printed elastomers, with the order of runs and specimens recorded; engines "
+        "that follow histories: `quasistatic` and `mujoco`.",
     )
-    exciting = ("virgin", "vented_zero")
+    recommended_experiments = ("virgin", "vented_zero")
     config: PermanentSetConfig
 
     def apply(self, model: Model) -> Model:

@@ -35,17 +35,17 @@ class PressureOffset(Effect):
 
     place = "input"
     notes = EffectNotes(
-        signature="the joint stands bent at zero commanded pressure, the same in every run, and the error in angle "
-        "is largest where the joint is softest.",
-        on_the_bench="open the line to the room and read the gauge: what it shows is the offset; zero it when it is "
-        "warm.",
-        look_alike="sensor_bias",
-        told_apart="an offset of pressure shrinks where a load or a large angle makes the joint stiff and shows in "
-        "positions too; a sensor's bias is the same everywhere and moves no marker.",
-        excited_by="record the angle at zero pressure and at full pressure, each with and without a load.",
+        signature="the joint stands bent at zero commanded pressure, the same in every run, and the error in "
+        "angle is largest where the joint is softest.",
+        inspection="open the line to the room and read the gauge: what it shows is the offset; zero it when "
+        "it is warm.",
+        confounder="sensor_bias",
+        distinguishing_test="an offset of pressure shrinks where a load or a large angle makes the joint "
+        "stiff and shows in positions too; a sensor's bias is the same everywhere and moves no marker.",
+        excitation="record the angle at zero pressure and at full pressure, each with and without a load.",
         where="families that a pressure drives, every engine; a chain of tendons refuses it.",
     )
-    exciting = ("vented_zero", "passive_load_steps", "load_steps")
+    recommended_experiments = ("vented_zero", "passive_load_steps", "load_steps")
     config: PressureOffsetConfig
 
     def apply(self, model: Model) -> Model:

@@ -48,15 +48,15 @@ class SelfContact(Effect):
     notes = EffectNotes(
         signature="the curve of angle over pressure has a kink: below it the model is right, beyond it the joint "
         "bends too little, at the same angle under any load, up and down alike.",
-        on_the_bench="slide a strip of paper between the folds at the top of the range: where it is held, walls "
+        inspection="slide a strip of paper between the folds at the top of the range: where it is held, walls "
         "touch.",
-        look_alike="stiffness",
-        told_apart="a stiffness is wrong from the first degree on; contact begins at its angle.",
-        excited_by="sweep the pressure slowly to the top of the range, without a load and with loads either way, in "
+        confounder="stiffness",
+        distinguishing_test="a stiffness is wrong from the first degree on; contact begins at its angle.",
+        excitation="sweep the pressure slowly to the top of the range, without a load and with loads either way, in "
         "small steps near the end.",
         where="bellows and ribbed chambers that bend far, every engine; solid fingers have no folds that meet.",
     )
-    exciting = ("slow_cycles", "load_steps", "passive_load_steps")
+    recommended_experiments = ("slow_cycles", "load_steps", "passive_load_steps")
     config: SelfContactConfig
 
     def apply(self, model: Model) -> Model:

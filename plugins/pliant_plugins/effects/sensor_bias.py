@@ -34,16 +34,17 @@ class SensorBias(Effect):
 
     place = "output"
     notes = EffectNotes(
-        signature="every angle is off by the same amount, at rest too, at any pressure, load and rate; positions are "
-        "right.",
-        on_the_bench="hold the joint straight along a ruler, read the sensor and set its zero there.",
-        look_alike="pressure_offset",
-        told_apart="a bias is the same with and without load and moves no marker; what an offset of pressure does "
-        "depends on how stiff the joint is there.",
-        excited_by="record the angle at rest, vented and unloaded, and again under a load; film a marker if you can.",
+        signature="every angle is off by the same amount, at rest too, at any pressure, load and rate; "
+        "positions are right.",
+        inspection="hold the joint straight along a ruler, read the sensor and set its zero there.",
+        confounder="pressure_offset",
+        distinguishing_test="a bias is the same with and without load and moves no marker; what an offset of "
+        "pressure does depends on how stiff the joint is there.",
+        excitation="record the angle at rest, vented and unloaded, and again under a load; film a marker if "
+        "you can.",
         where="every family of which angles are read; every engine, for it acts on readings only.",
     )
-    exciting = ("vented_zero", "passive_load_steps", "second_sensor")
+    recommended_experiments = ("vented_zero", "passive_load_steps", "second_sensor")
     config: SensorBiasConfig
 
     def apply(self, model: Model) -> Model:

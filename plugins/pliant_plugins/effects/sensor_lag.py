@@ -39,19 +39,19 @@ class SensorLag(Effect):
 
     place = "output"
     notes = EffectNotes(
-        signature="the angle that is read is behind in every motion, by the same time, whatever moves the chain; a "
-        "few time constants into a hold nothing is left. Positions are not late.",
-        on_the_bench="flick the joint by hand, compare the film with the reading, and look for a filter or an "
+        signature="the angle that is read is behind in every motion, by the same time, whatever moves the "
+        "chain; a few time constants into a hold nothing is left. Positions are not late.",
+        inspection="flick the joint by hand, compare the film with the reading, and look for a filter or an "
         "averaging in the recorder.",
-        look_alike="supply_lag",
-        told_apart="step a load at constant pressure: a sensor is late there too, a supply is not. Positions tell it "
-        "from damping and from a supply: they are in time.",
-        excited_by="step the pressure, then a load at constant pressure, sampled at ten times a second or more, and "
-        "film the tip beside the angle.",
-        where="every family of which angles are read with a clock; every engine that follows histories, for it acts "
-        "on readings only.",
+        confounder="supply_lag",
+        distinguishing_test="step a load at constant pressure: a sensor is late there too, a supply is not. "
+        "Positions tell it from damping and from a supply: they are in time.",
+        excitation="step the pressure, then a load at constant pressure, sampled at ten times a second or "
+        "more, and film the tip beside the angle.",
+        where="every family of which angles are read with a clock; every engine that follows histories, for "
+        "it acts on readings only.",
     )
-    exciting = ("step_response", "load_steps", "second_sensor")
+    recommended_experiments = ("step_response", "load_steps", "second_sensor")
     config: SensorLagConfig
 
     def apply(self, model: Model) -> Model:

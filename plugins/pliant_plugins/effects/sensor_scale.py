@@ -35,17 +35,19 @@ class SensorScale(Effect):
 
     place = "output"
     notes = EffectNotes(
-        signature="every angle is off by the same factor, whatever bends the chain: pressure, a load or a weight; at "
-        "zero angle nothing is off, and positions are right.",
-        on_the_bench="set the joint to 0°, 45° and 90° with a square and read the sensor at each.",
-        look_alike="stiffness",
-        told_apart="a position or a second sensor: a scale moves no marker. By angles alone a scale is a joint that "
-        "is softer under load, pressure and weight at once; a gain of the actuation is silent under a load.",
-        excited_by="film the tip beside the angle in one cycle of pressure, then hang a load on the vented chain.",
-        where="every family of which angles are read; every engine, for it acts on readings only. A chain read by "
-        "positions alone does not show it.",
+        signature="every angle is off by the same factor, whatever bends the chain: pressure, a load or a "
+        "weight; at zero angle nothing is off, and positions are right.",
+        inspection="set the joint to 0°, 45° and 90° with a square and read the sensor at each.",
+        confounder="stiffness",
+        distinguishing_test="a position or a second sensor: a scale moves no marker. By angles alone a scale "
+        "is a joint that is softer under load, pressure and weight at once; a gain of the actuation is "
+        "silent under a load.",
+        excitation="film the tip beside the angle in one cycle of pressure, then hang a load on the vented "
+        "chain.",
+        where="every family of which angles are read; every engine, for it acts on readings only. A chain "
+        "read by positions alone does not show it.",
     )
-    exciting = ("second_sensor", "passive_load_steps", "blocked")
+    recommended_experiments = ("second_sensor", "passive_load_steps", "blocked")
     config: SensorScaleConfig
 
     def apply(self, model: Model) -> Model:

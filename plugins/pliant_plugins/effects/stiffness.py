@@ -40,15 +40,15 @@ class Stiffness(Effect):
     notes = EffectNotes(
         signature="under a load without pressure every angle is off by the same factor; with pressure the error is "
         "smaller where pressure itself stiffens the module. Rate, history and orientation play no part.",
-        on_the_bench="hang one known weight on the vented joint and read its angle, then compare batch and cure of "
+        inspection="hang one known weight on the vented joint and read its angle, then compare batch and cure of "
         "the rubber with the sample that was tested.",
-        look_alike="actuation_gain",
-        told_apart="a load without pressure: a stiffness shows there, a gain cannot.",
-        excited_by="vent the chamber and hang two or three loads one after the other, up and down, then repeat under "
+        confounder="actuation_gain",
+        distinguishing_test="a load without pressure: a stiffness shows there, a gain cannot.",
+        excitation="vent the chamber and hang two or three loads one after the other, up and down, then repeat under "
         "pressure.",
         where="every family and every engine; without a load or a weight it is nearly a gain of the actuation.",
     )
-    exciting = ("passive_load_steps", "load_steps")
+    recommended_experiments = ("passive_load_steps", "load_steps")
     config: StiffnessConfig
 
     def apply(self, model: Model) -> Model:

@@ -75,14 +75,14 @@ class SupplyLag(Effect):
         "few time constants into a hold nothing is left. What follows a step sets in softly, for there are two "
         "volumes, and venting may take longer than filling. Loads that change at constant pressure are followed at "
         "once.",
-        on_the_bench="time the pressure at the chamber beside the commanded one; shorten or widen the hose.",
-        look_alike="viscous_damping",
-        told_apart="change the load at constant pressure: damping delays that motion too, a supply does not.",
-        excited_by="step the pressure up and down at two or three rates, with a hold after each step, then step a "
+        inspection="time the pressure at the chamber beside the commanded one; shorten or widen the hose.",
+        confounder="viscous_damping",
+        distinguishing_test="change the load at constant pressure: damping delays that motion too, a supply does not.",
+        excitation="step the pressure up and down at two or three rates, with a hold after each step, then step a "
         "load at constant pressure.",
         where="every family; recordings with a clock, in engines that follow histories. Tasks and tables have no lag.",
     )
-    exciting = ("step_response", "load_steps", "fast_cycles")
+    recommended_experiments = ("step_response", "load_steps", "fast_cycles")
     config: SupplyLagConfig
 
     def apply(self, model: Model) -> Model:

@@ -46,18 +46,19 @@ class TendonFriction(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="pulling and releasing run apart in proportion to the tension, the wider the more the chain is "
-        "bent and the farther from the base, at every rate; loads without tension are followed without a loop.",
-        on_the_bench="pull the tendon over the bent chain with a spring scale, in and out: half the difference is "
-        "friction; clean or line the guides.",
-        look_alike="friction_hysteresis",
-        told_apart="the loop of a rubbing tendon grows with its tension and its wrap; that of dry friction in the "
-        "joint is as wide at small forces as at large ones.",
-        excited_by="pull and release the tendon slowly to a third, two thirds and all of the range, and step a load "
-        "without tension; read every joint.",
+        signature="pulling and releasing run apart in proportion to the tension, the wider the more the "
+        "chain is bent and the farther from the base, at every rate; loads without tension are followed "
+        "without a loop.",
+        inspection="pull the tendon over the bent chain with a spring scale, in and out: half the difference "
+        "is friction; clean or line the guides.",
+        confounder="friction_hysteresis",
+        distinguishing_test="the loop of a rubbing tendon grows with its tension and its wrap; that of dry "
+        "friction in the joint is as wide at small forces as at large ones.",
+        excitation="pull and release the tendon slowly to a third, two thirds and all of the range, and step "
+        "a load without tension; read every joint.",
         where="families with a tendon (tendon_joint) that pulls one way; engines that follow memory.",
     )
-    exciting = ("slow_cycles", "small_loops", "passive_load_steps", "second_sensor")
+    recommended_experiments = ("slow_cycles", "small_loops", "passive_load_steps", "second_sensor")
     actuation = TENDON
     config: TendonFrictionConfig
 

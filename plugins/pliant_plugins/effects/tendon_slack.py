@@ -47,18 +47,18 @@ class TendonSlack(Effect):
 
     place = "input"
     notes = EffectNotes(
-        signature="the model bends too far, or the wrong way, where a tendon is paid out; where every tendon pulls it "
-        "is right. Up and down, fast and slow are alike.",
-        on_the_bench="pay out each tendon by hand: feel whether it hangs loose, and read its tension with a spring "
-        "scale.",
-        look_alike="unequal_actuators",
-        told_apart="move one tendon through zero: a slack tendon changes its slope at zero travel, an actuator with "
-        "another gain keeps it.",
-        excited_by="pull each tendon alone with the others at rest, then pay it out by the same travel.",
+        signature="the model bends too far, or the wrong way, where a tendon is paid out; where every tendon "
+        "pulls it is right. Up and down, fast and slow are alike.",
+        inspection="pay out each tendon by hand: feel whether it hangs loose, and read its tension with a "
+        "spring scale.",
+        confounder="unequal_actuators",
+        distinguishing_test="move one tendon through zero: a slack tendon changes its slope at zero travel, "
+        "an actuator with another gain keeps it.",
+        excitation="pull each tendon alone with the others at rest, then pay it out by the same travel.",
         where="chains whose inputs are travels or forces of tendons that become negative, every engine.",
     )
     actuation = "tendon_force_n"
-    exciting = ("paid_out", "slow_cycles")
+    recommended_experiments = ("paid_out", "slow_cycles")
     config: TendonSlackConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

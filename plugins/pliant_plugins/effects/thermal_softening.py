@@ -40,14 +40,14 @@ class ThermalSoftening(Effect):
     notes = EffectNotes(
         signature="runs at another temperature are off as by another stiffness, in proportion to the difference; all "
         "else is alike.",
-        on_the_bench="tape a thermometer to the module, write down temperature_c, and let everything stand in the "
+        inspection="tape a thermometer to the module, write down temperature_c, and let everything stand in the "
         "room for an hour before the first run.",
-        look_alike="stiffness",
-        told_apart="a stiffness is off by the same factor at every temperature.",
-        excited_by="repeat one loaded run at three temperatures at least ten kelvin apart, and write temperature_c.",
+        confounder="stiffness",
+        distinguishing_test="a stiffness is off by the same factor at every temperature.",
+        excitation="repeat one loaded run at three temperatures at least ten kelvin apart, and write temperature_c.",
         where="every family, recordings with temperature_c, in engines that follow histories.",
     )
-    exciting = ("warm", "passive_load_steps")
+    recommended_experiments = ("warm", "passive_load_steps")
     config: ThermalSofteningConfig
 
     def apply(self, model: Model) -> Model:

@@ -37,15 +37,17 @@ class UnequalActuators(Effect):
 
     place = "input"
     notes = EffectNotes(
-        signature="the error is zero while the first chamber acts alone, and grows in proportion to the actuation of "
-        "another one.",
-        on_the_bench="apply the same pressure to each chamber alone and compare the bends; measure walls and drums.",
-        look_alike="base_misalignment",
-        told_apart="a tilted base turns every bend alike; a chamber that differs changes only the bends toward it.",
-        excited_by="actuate each chamber alone over its range, and then all of them together.",
+        signature="the error is zero while the first chamber acts alone, and grows in proportion to the "
+        "actuation of another one.",
+        inspection="apply the same pressure to each chamber alone and compare the bends; measure walls and "
+        "drums.",
+        confounder="base_misalignment",
+        distinguishing_test="a tilted base turns every bend alike; a chamber that differs changes only the "
+        "bends toward it.",
+        excitation="actuate each chamber alone over its range, and then all of them together.",
         where="chains with two or more inputs, every engine.",
     )
-    exciting = ("each_input", "slow_cycles")
+    recommended_experiments = ("each_input", "slow_cycles")
     config: UnequalActuatorsConfig
 
     def unsuited(self, chain: ChainModel, histories: Sequence[History]) -> str:

@@ -52,17 +52,18 @@ class Viscoelastic(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="the angle goes on creeping for seconds to minutes while the pressure is held, and comes back as "
-        "slowly after venting; fast runs look stiffer than slow ones.",
-        on_the_bench="hold full pressure for five minutes with the camera on, and see whether the tip still creeps "
-        "in the last one.",
-        look_alike="viscous_damping",
-        told_apart="a dashpot has forgotten within a second of a hold; a relaxing branch still drifts after many.",
-        excited_by="raise the pressure quickly, hold it for several minutes, vent and keep recording.",
-        where="silicone, foam and 3D-printed modules; recordings with a clock, in engines that follow histories: "
-        "`quasistatic` and `mujoco`.",
+        signature="the angle goes on creeping for seconds to minutes while the pressure is held, and comes "
+        "back as slowly after venting; fast runs look stiffer than slow ones.",
+        inspection="hold full pressure for five minutes with the camera on, and see whether the tip still "
+        "creeps in the last one.",
+        confounder="viscous_damping",
+        distinguishing_test="a dashpot has forgotten within a second of a hold; a relaxing branch still "
+        "drifts after many.",
+        excitation="raise the pressure quickly, hold it for several minutes, vent and keep recording.",
+        where="silicone, foam and 3D-printed modules; recordings with a clock, in engines that follow "
+        "histories: `quasistatic` and `mujoco`.",
     )
-    exciting = ("holds", "fast_cycles", "slow_cycles")
+    recommended_experiments = ("holds", "fast_cycles", "slow_cycles")
     config: ViscoelasticConfig
 
     def apply(self, model: Model) -> Model:

@@ -36,17 +36,19 @@ class ViscousDamping(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="a loop between up and down whose width is proportional to the rate; within a second or so of a "
-        "hold the angle stands where the slow run had it.",
-        on_the_bench="take the hose off, bend the chain by hand, let go and film how long it takes to come back: no "
-        "air is moved then.",
-        look_alike="supply_lag",
-        told_apart="change the load at constant pressure: a dashpot delays that motion too, a slow supply does not.",
-        excited_by="run the same triangle at three rates a factor of three apart, and step a load at constant "
-        "pressure.",
-        where="every family; recordings with a clock, in engines that follow histories: `quasistatic` and `mujoco`.",
+        signature="a loop between up and down whose width is proportional to the rate; within a second or so "
+        "of a hold the angle stands where the slow run had it.",
+        inspection="take the hose off, bend the chain by hand, let go and film how long it takes to come "
+        "back: no air is moved then.",
+        confounder="supply_lag",
+        distinguishing_test="change the load at constant pressure: a dashpot delays that motion too, a slow "
+        "supply does not.",
+        excitation="run the same triangle at three rates a factor of three apart, and step a load at "
+        "constant pressure.",
+        where="every family; recordings with a clock, in engines that follow histories: `quasistatic` and "
+        "`mujoco`.",
     )
-    exciting = ("step_response", "fast_cycles", "load_steps")
+    recommended_experiments = ("step_response", "fast_cycles", "load_steps")
     config: ViscousDampingConfig
 
     def apply(self, model: Model) -> Model:

@@ -42,18 +42,18 @@ class WallThickness(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="every angle is off as by another stiffness, with and without pressure, and the torque at a "
-        "blocked joint is off too, by much less and the same way.",
-        on_the_bench="cut a spare module open and measure its wall at four places around and along; without a spare, "
-        "weigh it.",
-        look_alike="stiffness",
-        told_apart="the blocked torque at the straight joint: a stiffness leaves it alone, a wall changes it by "
-        "about a seventh of what it changes the stiffness.",
-        excited_by="vent the chamber and step loads of both signs, then hold the joint straight by a load at several "
-        "pressures.",
+        signature="every angle is off as by another stiffness, with and without pressure, and the torque at "
+        "a blocked joint is off too, by much less and the same way.",
+        inspection="cut a spare module open and measure its wall at four places around and along; without a "
+        "spare, weigh it.",
+        confounder="stiffness",
+        distinguishing_test="the blocked torque at the straight joint: a stiffness leaves it alone, a wall "
+        "changes it by about a seventh of what it changes the stiffness.",
+        excitation="vent the chamber and step loads of both signs, then hold the joint straight by a load at "
+        "several pressures.",
         where="families with walls, every engine; the exponents are those of bending bellows.",
     )
-    exciting = ("passive_load_steps", "blocked", "load_steps")
+    recommended_experiments = ("passive_load_steps", "blocked", "load_steps")
     config: WallThicknessConfig
 
     def apply(self, model: Model) -> Model:

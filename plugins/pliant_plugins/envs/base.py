@@ -102,7 +102,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
     def _prepared(self) -> tuple[ChainModel, PhysicsBackend, Any]:
         """Prepare the chain with loads and effects, the engine and the task."""
-        return prepared_chain(self.opened.bench, self.opened.study)
+        return prepared_chain(self.opened.context, self.opened.study)
 
     def _actuation(self, share: Array) -> dict[str, float]:
         """Return inputs at shares (k,) of their highest values."""
@@ -110,8 +110,8 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
     def _looks(self) -> ChainModel:
         """Return the chain with the surfaces for pictures."""
-        bench, study = self.opened.bench, self.opened.study
-        return drawn_chain(bench, StudyRun(study, build_study_laws(bench, study)))
+        context, study = self.opened.context, self.opened.study
+        return drawn_chain(context, StudyRun(study, build_study_laws(context, study)))
 
     def _set_spaces(self, actions: int, observations: int) -> None:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)

@@ -52,7 +52,7 @@ class ChainEnv(SoftRobotEnv):
 
     def _quasistatic(self) -> PhysicsBackend:
         """Return the equilibria from which goals are drawn: engines agree, and Newton is the fastest."""
-        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
+        component = self.opened.context.registry.get("physics", DEFAULT_PHYSICS)
         backend: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
         return backend
 

@@ -46,9 +46,9 @@ def evidence(opened: OpenStudy, count: int, seed: int) -> Evidence:
     Raises:
         UserError: the study has no `posterior`, and its laws state no error.
     """
-    study, bench = opened.study, opened.bench
-    nominal = prepared_model(bench, study)[0].chain
-    kept = kept_posterior(bench.registry, study)
+    study, context = opened.study, opened.context
+    nominal = prepared_model(context, study)[0].chain
+    kept = kept_posterior(context.registry, study)
     has_bars = any(law.states_error for law in nominal.laws)
     if count and kept is None and not has_bars:
         raise UserError(
@@ -62,7 +62,7 @@ def evidence(opened: OpenStudy, count: int, seed: int) -> Evidence:
             study.model_copy(update={"effects": posterior.candidate.configs(x)})
             for x in posterior.draws(count, seed)
         ]
-    models = [prepared_model(bench, one)[0] for one in varied]
+    models = [prepared_model(context, one)[0] for one in varied]
     if has_bars:
         seeds = np.random.SeedSequence(seed).generate_state(max(count, 1))
         drawn = (drawn_chains(one.chain, 1, int(own))[0] for one, own in zip(models, seeds, strict=False))
@@ -127,7 +127,7 @@ class MeasuredEnv(ChainEnv):
         super().__init__(study, **settings)
 
     def _prepared(self) -> tuple[ChainModel, PhysicsBackend, Any]:
-        self._model, backend, task = prepared_model(self.opened.bench, self.opened.study)
+        self._model, backend, task = prepared_model(self.opened.context, self.opened.study)
         return self._model.chain, backend, task
 
     def _build(self) -> None:

@@ -124,5 +124,5 @@ def open_problem(study: str | Path) -> tuple[SearchProblem, Evaluates]:
         UserError: the study is wrong, or has no `search`.
     """
     opened = open_study(study, store=stored())
-    evaluator = evaluator_from_study(opened.bench, opened.study)
+    evaluator = evaluator_from_study(opened.context, opened.study)
     return evaluator.problem, evaluator

@@ -69,7 +69,7 @@ class Evaluator:
     Metrics and constraints on metrics are evaluated without scenarios.
 
     Args:
-        bench: plugins and store.
+        context: plugins and store.
         problem: the search.
         scenarios: of a robust search.
         timed: measures parts of the work; see `pliant_search.evaluate.fast_path`.
@@ -80,16 +80,16 @@ class Evaluator:
 
     def __init__(
         self,
-        bench: RunContext,
+        context: RunContext,
         problem: SearchProblem,
         scenarios: Sequence[Scenario] = (),
         timed: Timer[Any] = untimed,
     ) -> None:
         for block in ("chain", "task"):
             problem.study.need(block, "a search")
-        self.bench, self.problem, self.scenarios = bench, problem, tuple(scenarios)
-        self.path = FastPath(bench, problem.study, timed)
-        self._setter = StudySetter(problem.study, bench.registry)
+        self.context, self.problem, self.scenarios = context, problem, tuple(scenarios)
+        self.path = FastPath(context, problem.study, timed)
+        self._setter = StudySetter(problem.study, context.registry)
         self._timed = timed
         self._measured: dict[str, Mapping[str, Any]] = {}  # of the present candidate, in each condition
         self._simulations = 0
@@ -248,14 +248,14 @@ def shared_means(listed: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: float(np.mean([one[name] for one in listed])) for name in names}
 
 
-def build_search_problem(bench: RunContext, study: Study) -> SearchProblem:
+def build_search_problem(context: RunContext, study: Study) -> SearchProblem:
     """Return the study's `SearchProblem`; raise `UserError` for mistakes in its `search` block."""
-    return SearchProblem.from_study(study, bench.registry)
+    return SearchProblem.from_study(study, context.registry)
 
 
-def evaluator_from_study(bench: RunContext, study: Study, confirm: bool = False) -> Evaluator:
+def evaluator_from_study(context: RunContext, study: Study, confirm: bool = False) -> Evaluator:
     """Return the evaluator of a study with the scenarios of a robust search; `confirm`: that of the re-evaluation."""
-    problem = build_search_problem(bench, study)
+    problem = build_search_problem(context, study)
     robust = study.need("search", "a search").robust
-    scenarios = draw_scenarios(problem, bench.registry, robust) if robust is not None else ()
-    return Evaluator(bench, reevaluation_problem(problem) if confirm else problem, scenarios)
+    scenarios = draw_scenarios(problem, context.registry, robust) if robust is not None else ()
+    return Evaluator(context, reevaluation_problem(problem) if confirm else problem, scenarios)

@@ -80,8 +80,8 @@ class CachedLaws:
     meta-model (stated laws, tables, FEM) go through the usual stages once for each design.
     """
 
-    def __init__(self, bench: RunContext, study: Study) -> None:
-        self._bench, self._study = bench, study
+    def __init__(self, context: RunContext, study: Study) -> None:
+        self._bench, self._study = context, study
         self._solved: Recent[SourcedDesigns] = Recent(4)
         self._metas: Recent[MetaModelStage] = Recent(4)
         self._own: Recent[DesignStages] = Recent(MOST_DESIGNS)
@@ -170,13 +170,13 @@ class FastPath:
     """Laws, chain, effects, engine and task of many studies that are variants of one study.
 
     Args:
-        bench: plugins and store; the store is used for objects that are built once.
+        context: plugins and store; the store is used for objects that are built once.
         study: the searched study, whose meta-model all variants use.
         timed: see `Timer`.
     """
 
-    def __init__(self, bench: RunContext, study: Study, timed: Timer = untimed) -> None:
-        self.bench, self.laws, self._timed = bench, CachedLaws(bench, study), timed
+    def __init__(self, context: RunContext, study: Study, timed: Timer = untimed) -> None:
+        self.context, self.laws, self._timed = context, CachedLaws(context, study), timed
         self._modules: Recent[Module] = Recent(MOST_DESIGNS)
         self._engines: Recent[PhysicsBackend] = Recent(MOST_ENGINES)
 
@@ -186,11 +186,11 @@ class FastPath:
         Raises:
             UserError: as `simulate_study`.
         """
-        task: Task | SceneTask = self.bench.build("task", study.noisy_task())
-        physics = study_physics(self.bench, study)
-        engine = self._engines.get(repr(physics), lambda: self.bench.build("physics", physics))
+        task: Task | SceneTask = self.context.build("task", study.noisy_task())
+        physics = study_physics(self.context, study)
+        engine = self._engines.get(repr(physics), lambda: self.context.build("physics", physics))
         chain = self.chain(study, isinstance(task, SceneTask) or isinstance(engine, SceneBackend), draw)
-        effects = [self.bench.build("effect", effect) for effect in study.effects]
+        effects = [self.context.build("effect", effect) for effect in study.effects]
         check_capabilities(engine, chain, engine.config.kind)
         return self._timed("task", lambda: run_task(engine, task, effects, chain))
 
@@ -198,7 +198,7 @@ class FastPath:
         """Return the study's chain without its effects; without `shapes` there are no collisions."""
         config = study.need("chain", "a simulation")
         stages = self._timed("laws", lambda: self.laws.stages(study, draw))
-        segments = self._timed("modules", lambda: chain_segments(self.bench, study, stages, self._module))
+        segments = self._timed("modules", lambda: chain_segments(self.context, study, stages, self._module))
         if not shapes:
             bare = [
                 replace(s.piece, shapes=() if isinstance(s.piece, RigidPiece) else NO_SHAPES)

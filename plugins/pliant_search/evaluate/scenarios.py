@@ -188,11 +188,13 @@ def _deviation(study: Study, registry: Registry, written: str, said: Any) -> Dev
     return Deviation(written, key.path, size, relative, normal)
 
 
-def tolerance_notes(bench: RunContext, problem: SearchProblem, scenarios: tuple[Scenario, ...]) -> list[str]:
+def tolerance_notes(
+    context: RunContext, problem: SearchProblem, scenarios: tuple[Scenario, ...]
+) -> list[str]:
     """Return a note for each tolerance that takes candidates out of the meta-model's range, with a remedy.
 
     Args:
-        bench: plugins and store; unsolved designs of a sweep are solved.
+        context: plugins and store; unsolved designs of a sweep are solved.
         problem: of the robust search.
         scenarios: of the robust search; all have the same keys.
 
@@ -203,7 +205,7 @@ def tolerance_notes(bench: RunContext, problem: SearchProblem, scenarios: tuple[
     deviations = [one for one, _ in scenarios[0].deviations if one.parameter]
     if block is None or block.extrapolate or not deviations:
         return []
-    designs = solved_designs(bench, problem.study).designs
+    designs = solved_designs(context, problem.study).designs
     boxes = dict(zip(designs.names, designs.box.tolist(), strict=True))
     notes = []
     for deviation in deviations:

@@ -156,7 +156,7 @@ def _infeasible(problem: SearchProblem, samples: Mapping[str, Array], amounts: M
     )
 
 
-def require_reachable(problem: SearchProblem, bench: RunContext) -> None:
+def require_reachable(problem: SearchProblem, context: RunContext) -> None:
     """Check with the task of every condition that the longest straight chain reaches it.
 
     More and longer modules make longer chains, so the longest chain has every number at its upper bound;
@@ -172,12 +172,12 @@ def require_reachable(problem: SearchProblem, bench: RunContext) -> None:
         for values in _largest(problem):
             try:
                 study = problem.apply(values, condition)
-                longest = max(longest, chain_length_m(bench, study))
+                longest = max(longest, chain_length_m(context, study))
             except UserError:
                 return
             assert study.task is not None
             task = study.task
-        bench.build("task", task).check_reach(longest)
+        context.build("task", task).check_reach(longest)
 
 
 def _largest(problem: SearchProblem) -> Iterator[Mapping[str, Value]]:

@@ -96,7 +96,7 @@ class Search:
     """State of one running search.
 
     Args:
-        bench: surroundings.
+        context: surroundings.
         study: the searched study, with an `optimizer` block.
         problem: the study's `SearchProblem`.
         executor: evaluates the trials.
@@ -107,7 +107,7 @@ class Search:
 
     def __init__(
         self,
-        bench: RunContext,
+        context: RunContext,
         study: Study,
         problem: SearchProblem,
         executor: Executor,
@@ -115,10 +115,10 @@ class Search:
         nominal: SearchResult | None = None,
         earlier: Sequence[FoundDesign] = (),
     ) -> None:
-        self.bench, self.study, self.problem, self.executor = bench, study, problem, executor
+        self.context, self.study, self.problem, self.executor = context, study, problem, executor
         self.folder, self.nominal, self.config = folder, nominal, study.need("search", "a search")
-        self.evaluator = evaluator_from_study(bench, study)
-        optimizer = type(bench.build("optimizer", study.need("optimizer", "a search")))
+        self.evaluator = evaluator_from_study(context, study)
+        optimizer = type(context.build("optimizer", study.need("optimizer", "a search")))
         # Whether every candidate is evaluated in one condition only.
         self.contextual = bool(optimizer.capabilities.contexts and self.config.conditions)
         begun = tuple(nominal.best) if nominal is not None else ()
@@ -135,7 +135,7 @@ class Search:
         return Branch(
             index,
             self.problem,
-            lambda: self.bench.build("optimizer", self.study.need("optimizer", "a search")),
+            lambda: self.context.build("optimizer", self.study.need("optimizer", "a search")),
             self.space,
             Journal(self.folder, f"branch-{index:04d}"),
             self.halving.times(index),
@@ -143,7 +143,7 @@ class Search:
 
     def result(self) -> SearchResult:
         """Run the search, then analyse its best design."""
-        setup = Setup.from_study(self.bench, self.study, self.executor)
+        setup = Setup.from_study(self.context, self.study, self.executor)
         with trial_queue(self.executor, setup, self.evaluator) as queue:
             wall_s = self._all_rungs(queue)
             self._try_before()
@@ -153,7 +153,7 @@ class Search:
 
     def _all_rungs(self, queue: JobQueue[Trial, Trial]) -> float:
         """Run every branch, then those that halving continues; return the wall time in s."""
-        progress, wall_s, active = self.bench.progress, 0.0, self.branches
+        progress, wall_s, active = self.context.progress, 0.0, self.branches
         title = "searching" if self.config.robust is None else "searching, robust"
         sign = -1 if self.problem.maximised[0] else 1
         while True:
@@ -210,10 +210,12 @@ class Search:
         """Return the re-evaluated best candidates and the time in s; empty if the study does not request it."""
         if self.config.confirm is None:
             return [], 0.0
-        setup = Setup.from_study(self.bench, self.study, self.executor, confirm=True)
-        queue = trial_queue(self.executor, setup, evaluator_from_study(self.bench, self.study, confirm=True))
+        setup = Setup.from_study(self.context, self.study, self.executor, confirm=True)
+        queue = trial_queue(
+            self.executor, setup, evaluator_from_study(self.context, self.study, confirm=True)
+        )
         rows = self._rows(recommended=True)
-        return reevaluated(self.problem, rows, queue, self.bench.progress, self.folder)
+        return reevaluated(self.problem, rows, queue, self.context.progress, self.folder)
 
     def _found(self, wall_s: float, again: Sequence[Row]) -> SearchResult:
         """Return the result of the branches; `again` are the re-evaluated candidates among which the best is chosen."""
@@ -264,7 +266,7 @@ class Search:
             return
         cause = next(iter(refused), "") if any(branch.gave_up for branch in spent) else ""
         of_all = f" in {len(spent)} of {len(self.branches)} searches" if len(self.branches) > 1 else ""
-        self.bench.progress.note(
+        self.context.progress.note(
             f"stopped early{of_all}: more than {REFUSED_PER_EVALUATION} candidates were refused for each one of the "
             f"budget, most by '{cause}' ({refused[cause]} times)."
             if cause
@@ -275,14 +277,14 @@ class Search:
         """Return the result with slopes, limits and, of a robust search, the cost of robustness."""
         best, plain, config = result.best[0], self.evaluator, self.config
         if config.robust is not None:  # slopes are evaluated without scenarios
-            plain = Evaluator(self.bench, self.problem, ())
+            plain = Evaluator(self.context, self.problem, ())
             nominal = self.study.model_copy(update={"search": config.model_copy(update={"robust": None})})
-            setup = Setup.from_study(self.bench, nominal, self.executor)
+            setup = Setup.from_study(self.context, nominal, self.executor)
         queue = trial_queue(self.executor, setup, plain)
         found: tuple[Slope, ...] = ()
         if config.sensitivity:
             found = slopes(
-                self.problem, best, lambda t: map(finished_trial, queue.each(t)), self.bench.progress
+                self.problem, best, lambda t: map(finished_trial, queue.each(t)), self.context.progress
             )
         said = limits(self.problem, best, found, result.history, {**result.refused, **result.failed})
         robust, beside = config.robust, self.nominal

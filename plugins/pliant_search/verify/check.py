@@ -31,7 +31,7 @@ WORTH_S = 10.0  # of remaining runs, on one processor; processes need two or thr
 
 
 def checked(
-    bench: RunContext,
+    context: RunContext,
     study: Study,
     problem: SearchProblem,
     result: SearchResult,
@@ -44,20 +44,20 @@ def checked(
     """
     contextual = all(design.context >= 0 for design in result.best)
     designs = result.best if contextual else result.best[:1]
-    ahead = cache(lambda: run_ahead(bench, problem, designs, executor))  # once, if something is missing
+    ahead = cache(lambda: run_ahead(context, problem, designs, executor))  # once, if something is missing
     found = {}
     for design in designs:
         name = problem.conditions[design.context].name if contextual else ""
 
         def compute(partial: Path, design: FoundDesign = design) -> Verification:
             ahead()
-            return verify(bench, problem, design)
+            return verify(context, problem, design)
 
         try:
-            found[name] = bench.make(
+            found[name] = context.make(
                 STAGE,
                 compute,
-                components=search_components(bench, study, [engine.kind for engine in study.cross_check]),
+                components=search_components(context, study, [engine.kind for engine in study.cross_check]),
                 modules=["pliant_search.verify.verification"],
                 config={
                     "study": search_content(study, ()),
@@ -68,7 +68,7 @@ def checked(
                 inputs={"search": key},
             ).value
         except PliantError as error:
-            bench.progress.note(
+            context.progress.note(
                 f"the check of the best design{' for ' + name if name else ''} failed: {error}"
             )
             found[name] = Verification({}, {}, {}, (), 0.0, 0.0, (str(error),))
@@ -162,12 +162,12 @@ class RunJob:
 def run(job: RunJob) -> None:
     """Run the job in a worker and put the result into the store."""
     with suppress(PliantError):
-        bench, study = job.study.open()
-        run_in(bench, study, check_engines(bench, study)[job.engine])
+        context, study = job.study.open()
+        run_in(context, study, check_engines(context, study)[job.engine])
 
 
 def run_ahead(
-    bench: RunContext, problem: SearchProblem, designs: Sequence[FoundDesign], executor: Executor
+    context: RunContext, problem: SearchProblem, designs: Sequence[FoundDesign], executor: Executor
 ) -> None:
     """Make the runs of a check in parallel if there are several and they take long.
 
@@ -175,23 +175,23 @@ def run_ahead(
     them from the store; a failure here recurs in the check, which reports it.
 
     Args:
-        bench: plugins, store, progress.
+        context: plugins, store, progress.
         problem: the `SearchProblem`.
         designs: that are checked.
         executor: runs the jobs.
     """
     try:
-        cases = [[study for _, study in verification_cases(bench, problem, design)] for design in designs]
+        cases = [[study for _, study in verification_cases(context, problem, design)] for design in designs]
     except PliantError:
         return
     first, *others = [study for studies in cases for study in studies]
     if not others or isinstance(executor, InlineExecutor):
         return
-    engines, begun = check_engines(bench, first), time.perf_counter()
-    with open_progress_bar(bench.progress, "first run of the check", len(engines)) as bar:
+    engines, begun = check_engines(context, first), time.perf_counter()
+    with open_progress_bar(context.progress, "first run of the check", len(engines)) as bar:
         for engine in engines:
             try:
-                run_in(bench, first, engine)
+                run_in(context, first, engine)
             except Exception as error:
                 if interrupted(error):
                     raise KeyboardInterrupt from None
@@ -202,14 +202,14 @@ def run_ahead(
         return
     for studies in cases if solved else ():
         with suppress(PliantError):  # FEM does not solve these designs
-            direct, _ = direct_studies(bench, studies)
+            direct, _ = direct_studies(context, studies)
             for study in direct:
-                build_study_laws(bench, study)
+                build_study_laws(context, study)
             others += direct
-    remote = [RemoteStudy.from_study(bench, study, MODULES if executor.remote else ()) for study in others]
+    remote = [RemoteStudy.from_study(context, study, MODULES if executor.remote else ()) for study in others]
     jobs = [RunJob(study, engine) for study in remote for engine in range(len(engines))]
     with (
-        open_progress_bar(bench.progress, "runs of the check", len(jobs)) as bar,
+        open_progress_bar(context.progress, "runs of the check", len(jobs)) as bar,
         suppress(NotReachedError),
         JobQueue(executor, run) as queue,
     ):

@@ -53,14 +53,14 @@ def solvable(study: Study) -> bool:
     return wanted and study.family is not None and can
 
 
-def direct_studies(bench: RunContext, studies: Sequence[Study]) -> tuple[list[Study], list[str]]:
+def direct_studies(context: RunContext, studies: Sequence[Study]) -> tuple[list[Study], list[str]]:
     """Return the studies with laws from FEM of each design instead of a meta-model's, and notes on the choices made.
 
     A study without a `fem` block gets one that covers the tasks and the meta-model's data; a surrogate that needs no
     FEM is replaced by the default one. Segments that state their own surrogate keep it.
 
     Args:
-        bench: the plugins.
+        context: the plugins.
         studies: of one family and material, as a search builds them from one study.
 
     Raises:
@@ -69,7 +69,7 @@ def direct_studies(bench: RunContext, studies: Sequence[Study]) -> tuple[list[St
     first, sentences = studies[0], list[str]()
     changes: dict[str, Any] = {"meta_model": None}
     if first.fem is None:
-        fem: Any = default_fem(bench, studies)
+        fem: Any = default_fem(context, studies)
         changes["fem"] = fem
         limit = f"tendon_force_max: {fem.tendon_force_max_n or 0:g} N"
         if fem.pressure_max_pa is not None:
@@ -80,8 +80,8 @@ def direct_studies(bench: RunContext, studies: Sequence[Study]) -> tuple[list[St
             "meta-model's data and the task."
         )
     surrogate = first.surrogate
-    if surrogate is not None and not bench.build("surrogate", surrogate).needs_fem():
-        default = bench.registry.get("surrogate", DEFAULT_SURROGATE).config_model()
+    if surrogate is not None and not context.build("surrogate", surrogate).needs_fem():
+        default = context.registry.get("surrogate", DEFAULT_SURROGATE).config_model()
         changes["surrogate"] = default(kind=DEFAULT_SURROGATE)
         sentences.append(
             f"The study's surrogate '{surrogate.kind}' states a law or has data of its own; the check fits "
@@ -90,13 +90,13 @@ def direct_studies(bench: RunContext, studies: Sequence[Study]) -> tuple[list[St
     return [study.model_copy(update=changes) for study in studies], sentences
 
 
-def default_fem(bench: RunContext, studies: Sequence[Study]) -> FemConfig:
+def default_fem(context: RunContext, studies: Sequence[Study]) -> FemConfig:
     """Return an FEM block for designs of a meta-model's table that covers the table and the studies' tasks.
 
     Contact between walls is treated as in the table.
     """
-    family: ActuatorFamily = bench.build("family", studies[0].need("family", "FEM"))
-    data = solved_designs(bench, studies[0]).designs.data
+    family: ActuatorFamily = context.build("family", studies[0].need("family", "FEM"))
+    data = solved_designs(context, studies[0]).designs.data
     lateral = [  # in the states that vary these axes
         float(np.abs(one.deformation[one.explored == axis, k]).max())
         for one in data
@@ -112,7 +112,7 @@ def default_fem(bench: RunContext, studies: Sequence[Study]) -> FemConfig:
     }
     if lateral:
         block["lateral_angle_rad"] = max(lateral)
-    made: Any = bench.registry.get("fem", DEFAULT_FEM).config_model().model_validate(block)
+    made: Any = context.registry.get("fem", DEFAULT_FEM).config_model().model_validate(block)
     config: FemConfig = made
     return config
 

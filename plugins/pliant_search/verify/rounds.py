@@ -27,44 +27,46 @@ from pliant_search.verify.verification import verification_cases
 FOLDER = "search_rounds"
 
 
-def with_checked(bench: RunContext, problem: SearchProblem, designs: Sequence[FoundDesign]) -> Study | None:
+def with_checked(context: RunContext, problem: SearchProblem, designs: Sequence[FoundDesign]) -> Study | None:
     """Return the study with the direct FEM of these designs among its meta-model's data; None if nothing is new.
 
     The table is in the store, named after its content, so that an interrupted search finds it again.
 
     Args:
-        bench: plugins and store, which has the FEM of the designs since their check.
+        context: plugins and store, which has the FEM of the designs since their check.
         problem: of the search, with a meta-model in its study.
         designs: the checked designs.
     """
     study = problem.study
     if study.block("meta_model") is None or not solvable(study):
         return None
-    known = solved_designs(bench, study).designs
+    known = solved_designs(context, study).designs
     tables = [
         ({**known.fixed, **dict(zip(known.names, values.tolist(), strict=True))}, data)
         for values, data in zip(known.values, known.data, strict=True)
     ]
     count = len(tables)
-    for parameters, data in _solved(bench, problem, designs):
+    for parameters, data in _solved(context, problem, designs):
         own = {name: parameters[name] for name in (*known.names, *known.fixed) if name in parameters}
         if not any(_same(own, other, known.names) for other, _ in tables):
             tables.append((own, data))
     if len(tables) == count:
         return None
-    path = _written(bench, known.family, tables)
+    path = _written(context, known.family, tables)
     model = study.block("meta_model").model_copy(update={"data": path})
     return study.model_copy(update={"meta_model": model, "sweep": None})
 
 
 def _solved(
-    bench: RunContext, problem: SearchProblem, designs: Sequence[FoundDesign]
+    context: RunContext, problem: SearchProblem, designs: Sequence[FoundDesign]
 ) -> Iterator[tuple[Mapping[str, Any], ModuleData]]:
     """Yield parameters and direct FEM of each distinct module of the designs."""
     for design in designs:
-        studies, _ = direct_studies(bench, [study for _, study in verification_cases(bench, problem, design)])
+        studies, _ = direct_studies(
+            context, [study for _, study in verification_cases(context, problem, design)]
+        )
         for study in studies:
-            for stages in build_study_laws(bench, study):
+            for stages in build_study_laws(context, study):
                 if stages.fem is not None and stages.family is not None:
                     yield design_parameters(stages.family, study.material), stages.fem.value
 
@@ -74,12 +76,14 @@ def _same(one: Mapping[str, Any], other: Mapping[str, Any], names: Sequence[str]
     return all(same_value(one.get(name), other.get(name)) for name in names)
 
 
-def _written(bench: RunContext, family: str, tables: Sequence[tuple[Mapping[str, Any], ModuleData]]) -> Path:
+def _written(
+    context: RunContext, family: str, tables: Sequence[tuple[Mapping[str, Any], ModuleData]]
+) -> Path:
     """Return the table of all designs in the store."""
     digest = hashlib.sha256(json.dumps([dict(own) for own, _ in tables], default=str).encode())
     for _, data in tables:
         digest.update(np.ascontiguousarray(data.tau).tobytes())
-    path = bench.store.root / FOLDER / f"{digest.hexdigest()[:32]}.csv"
+    path = context.store.root / FOLDER / f"{digest.hexdigest()[:32]}.csv"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_designs(

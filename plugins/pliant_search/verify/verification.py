@@ -41,13 +41,13 @@ NOT_SOLVABLE = (
 Case = tuple[str, Study]  # a condition, and the design's study in it
 
 
-def verify(bench: RunContext, problem: SearchProblem, best: FoundDesign) -> Verification:
+def verify(context: RunContext, problem: SearchProblem, best: FoundDesign) -> Verification:
     """Check a design in all conditions, or in the condition that it was found for.
 
     Failures (an engine that is not installed or fails, FEM that does not converge) become notes.
 
     Args:
-        bench: plugins and store; later checks reuse its FEM and fits.
+        context: plugins and store; later checks reuse its FEM and fits.
         problem: the `SearchProblem`.
         best: the design.
 
@@ -55,8 +55,8 @@ def verify(bench: RunContext, problem: SearchProblem, best: FoundDesign) -> Veri
         UserError: the design cannot be written into the study, or `verify.change` cannot.
     """
     started, notes = time.perf_counter(), list[str]()
-    cases = verification_cases(bench, problem, best)
-    predicted = _simulated(bench, cases, "with the laws of the search", notes)
+    cases = verification_cases(context, problem, best)
+    predicted = _simulated(context, cases, "with the laws of the search", notes)
     verified: dict[str, dict[str, Numbers]] = {}
     laws: tuple[Mapping[str, Any], ...] = ()
     fem_wall_s = 0.0
@@ -64,15 +64,15 @@ def verify(bench: RunContext, problem: SearchProblem, best: FoundDesign) -> Veri
         unwanted = problem.config.verify is not None and not problem.config.verify.fem
         notes.append(NO_FEM if unwanted else NOT_SOLVABLE)
     else:
-        studies, chosen = direct_studies(bench, [study for _, study in cases])
+        studies, chosen = direct_studies(context, [study for _, study in cases])
         notes += chosen
         direct = [(condition, study) for (condition, _), study in zip(cases, studies, strict=True)]
         try:
-            laws, fem_wall_s = _laws(bench, cases, direct)
+            laws, fem_wall_s = _laws(context, cases, direct)
         except PliantError as error:
             notes.append(f"Direct FEM of the design failed: {error}")
         else:
-            verified = _simulated(bench, direct, "with laws from direct FEM", notes)
+            verified = _simulated(context, direct, "with laws from direct FEM", notes)
 
     def means(engines: Mapping[str, Mapping[str, Numbers]]) -> dict[str, Numbers]:
         whole = {
@@ -97,7 +97,7 @@ def verify(bench: RunContext, problem: SearchProblem, best: FoundDesign) -> Veri
     )
 
 
-def verification_cases(bench: RunContext, problem: SearchProblem, best: FoundDesign) -> list[Case]:
+def verification_cases(context: RunContext, problem: SearchProblem, best: FoundDesign) -> list[Case]:
     """Return the design's study in each of its conditions, with `verify.change` applied.
 
     Raises:
@@ -105,26 +105,26 @@ def verification_cases(bench: RunContext, problem: SearchProblem, best: FoundDes
     """
     change = problem.config.verify.change if problem.config.verify is not None else {}
     return [
-        (condition.name, changed(bench.registry, problem.apply(best.values, index), change))
+        (condition.name, changed(context.registry, problem.apply(best.values, index), change))
         for index, condition in enumerate(problem.conditions)
         if best.context in (-1, index)
     ]
 
 
 def _simulated(
-    bench: RunContext, cases: Sequence[Case], what: str, notes: list[str]
+    context: RunContext, cases: Sequence[Case], what: str, notes: list[str]
 ) -> dict[str, dict[str, Numbers]]:
     """Return engine → condition → metrics; an engine that fails adds a note instead."""
-    engines = check_engines(bench, cases[0][1])
+    engines = check_engines(context, cases[0][1])
     found: dict[str, dict[str, Numbers]] = {}
-    with open_progress_bar(bench.progress, f"check {what}", len(engines) * len(cases)) as bar:
+    with open_progress_bar(context.progress, f"check {what}", len(engines) * len(cases)) as bar:
         for condition, study in cases:
             trials = getattr(study.task, "trials", None)
             for engine in engines:
                 place = f"{engine.kind}, {what}" + (f", {condition}" if len(cases) > 1 else "")
                 bar.describe(place)
                 try:
-                    result = run_in(bench, study, engine)
+                    result = run_in(context, study, engine)
                 except Exception as error:  # keep the other engines' results
                     if interrupted(error):
                         raise KeyboardInterrupt from None
@@ -139,26 +139,26 @@ def _simulated(
     return found
 
 
-def check_engines(bench: RunContext, study: Study) -> list[PhysicsConfig]:
+def check_engines(context: RunContext, study: Study) -> list[PhysicsConfig]:
     """Return the engines in which a design is checked, the study's own first."""
-    return [study_physics(bench, study), *study.cross_check]
+    return [study_physics(context, study), *study.cross_check]
 
 
-def run_in(bench: RunContext, study: Study, engine: PhysicsConfig) -> TaskResult:
+def run_in(context: RunContext, study: Study, engine: PhysicsConfig) -> TaskResult:
     """Return the task of a study in one engine, through the store."""
-    source = build_study_chain(bench, study, mounted=True)
-    result: TaskResult = simulate_stage(bench, source, engine, study.noisy_task(), study.effects).value
+    source = build_study_chain(context, study, mounted=True)
+    result: TaskResult = simulate_stage(context, source, engine, study.noisy_task(), study.effects).value
     return result
 
 
 def _laws(
-    bench: RunContext, cases: Sequence[Case], direct: Sequence[Case]
+    context: RunContext, cases: Sequence[Case], direct: Sequence[Case]
 ) -> tuple[tuple[Mapping[str, Any], ...], float]:
     """Return the errors of the search's laws against FEM, each distinct design once, and the time of FEM."""
 
     def by_family(study: Study) -> dict[str, DesignStages]:
         """Return the stages by a text that identifies the family, whatever the source of its law."""
-        stages = build_study_laws(bench, study)
+        stages = build_study_laws(context, study)
         return {repr(one.family.canonical()) if one.family is not None else "": one for one in stages}
 
     found: dict[str, tuple[DesignStages, DesignStages]] = {}

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 from tests.conformance.broken import Variants
 
 from pliant.interfaces.effect import Effect, EffectConfig, Model, Place, parameter
-from pliant.mechanics.law_around import LawWrapper
+from pliant.mechanics.law_wrapper import LawWrapper
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.law import Effort
@@ -42,7 +42,7 @@ class Gain(Effect):
     """An effect that wraps every law."""
 
     place: ClassVar[Place] = "law"
-    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps")
+    recommended_experiments: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps")
     config: GainConfig
     law: ClassVar[type[GainedLaw]] = GainedLaw
 
@@ -191,10 +191,10 @@ mapped(
 # -- effects that a diagnosis would not find: no run is named, a run shows nothing, a mimic of another effect
 
 CHECK = "is_found_when_injected"
-broken(CHECK, exciting=())
-broken(CHECK, exciting=("slow_cycle",))
+broken(CHECK, recommended_experiments=())
+broken(CHECK, recommended_experiments=("slow_cycle",))
 mapped(CHECK, _in_the_warm_only)
-broken(CHECK, notes=replace(Gain.notes, look_alike="actuation_gain"))
+broken(CHECK, notes=replace(Gain.notes, confounder="actuation_gain"))
 
 # -- law terms
 

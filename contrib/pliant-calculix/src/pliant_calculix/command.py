@@ -31,12 +31,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def write(options: argparse.Namespace) -> str:
     """Write the deck and describe it. Raises `PliantError`."""
     opened = open_study(options.study, options.overrides)
-    study, bench = opened.study, opened.bench
+    study, context = opened.study, opened.context
     if study.family is None or study.material is None:
         raise UserError(f"{options.study} has no blocks 'family' and 'material'; a deck needs both.")
     refinement = study.fem.refinement if study.fem is not None else 1
-    problem: ModuleProblem = bench.build("family", study.family).problem(refinement)
-    material = bench.build("material", study.material)
+    problem: ModuleProblem = context.build("family", study.family).problem(refinement)
+    material = context.build("material", study.material)
     pressure = _quantity(options.pressure, "Pa", "--pressure")
     unit = "m" if problem.joint == "prismatic" else "rad"
     model = abaqus_model(problem, material, options.element)

@@ -22,7 +22,7 @@ from pliant.evidence.prediction import POSITION, POSITIONS, Predictor
 from pliant.formatting import number, whole_percent
 from pliant.measurements.floors import noise_floors
 from pliant.mechanics.full_scale import full_scale
-from pliant.mechanics.held import is_held
+from pliant.mechanics.prescribed import is_held
 from pliant.records.measurement import Measurement
 
 # Units, signs and axes are examined where this error remains even with a free gain and zero of each output.

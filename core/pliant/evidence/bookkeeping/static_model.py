@@ -178,8 +178,8 @@ def _static_engine(predictor: Predictor) -> PhysicsBackend | None:
         return predictor.backend
     if predictor.chain.mount is not None:
         return None
-    bench = predictor.bench
-    for component in bench.registry.by_interface("physics"):
+    context = predictor.context
+    for component in context.registry.by_interface("physics"):
         with contextlib.suppress(ContractError):  # a broken engine is no reason to stop
             if component.missing() is None:
                 engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))

@@ -4,7 +4,7 @@ import numpy as np
 from tests.diagnosis.bench_files import histories
 from tests.diagnosis.quick import blank, make_measurement
 
-from pliant.diagnosis.test_split import split_runs
+from pliant.diagnosis.data_split import split_runs
 from pliant.measurements.floors import noise_floors
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.history import History

@@ -20,23 +20,23 @@ from pliant.pipeline.study import build_study_chain
 from pliant.registry.discovery import discover
 from pliant.store.store import write_atomically
 from pliant_app import describing, work
+from pliant_app.exports import SessionExporter
 from pliant_app.folder import SessionFolder, result_key
-from pliant_app.inbox import MOST_BYTES, STUDIES, TABLES, checked_study, holds_notes, too_large
 from pliant_app.jobs import Job
-from pliant_app.leaving import SessionExporter
 from pliant_app.open_model import OpenModel
 from pliant_app.page_state import Effects, PageState, PageStep, as_effects
 from pliant_app.screening import screened
 from pliant_app.session import PageSession
-from pliant_app.showing import curves, failing, predicted_points, recording, space
+from pliant_app.uploads import MOST_BYTES, STUDIES, TABLES, checked_study, holds_notes, too_large
+from pliant_app.view_model import curves, failing, predicted_points, recording, space
 
 
 class SessionController(PageSession):
-    """A session that answers requests and takes commands; `leaving` writes its exports."""
+    """A session that answers requests and takes commands; `exports` writes its exports."""
 
     def __init__(self, folder: SessionFolder, store: Path) -> None:
         super().__init__(folder, store)
-        self.leaving = SessionExporter(self)
+        self.exports = SessionExporter(self)
 
     def begin(self, study: Path | None, data: Sequence[Path]) -> None:
         """Open the study and data of the command, or continue the stored session and resume its interrupted work."""
@@ -59,10 +59,10 @@ class SessionController(PageSession):
 
     # Queries
 
-    def pulse(self) -> dict[str, Any]:
+    def status(self) -> dict[str, Any]:
         """Return a small status that is polled every second: version, changed user effect files, and running work."""
         self.read_changed()
-        job = self.bench.job
+        job = self.runner.job
         study = Path(self.state.study).name
         return {"version": self.state.version, "study": study, "job": None if job is None else job.as_json()}
 
@@ -194,7 +194,7 @@ class SessionController(PageSession):
         Raises:
             UserError: work is under way, or they cannot form one measurement; nothing is changed then.
         """
-        if self.bench.job is not None:
+        if self.runner.job is not None:
             raise UserError("work is under way; stop it or wait, then add the file again.")
         before, notes = self.state, self.now().study.measurements
         named = before.data or (expand_sources(notes.file) if notes is not None else ())
@@ -249,7 +249,7 @@ class SessionController(PageSession):
         def go(job: Job) -> None:
             job.words = "the law of one module; what is solved once is kept"
             opened = api.open_study(path, store=self.store, progress=job)
-            build_study_chain(opened.bench, opened.study)
+            build_study_chain(opened.context, opened.study)
 
         def ended(job: Job, said: str) -> None:
             with self.lock:
@@ -260,7 +260,9 @@ class SessionController(PageSession):
                     self.take(path.name)
 
         self.keep(replace(self.state, pending={"what": "describe", "file": path.name}))
-        self.bench.begin(Job("describe", result_key("describe", path.read_text(encoding="utf-8"))), go, ended)
+        self.runner.begin(
+            Job("describe", result_key("describe", path.read_text(encoding="utf-8"))), go, ended
+        )
 
     def forget(self, name: str) -> None:
         """Leave a recording out of the session; its file stays."""
@@ -360,11 +362,11 @@ class SessionController(PageSession):
                 self.folder.keep_result(key, found)
 
             self.keep(replace(self.state, pending={"what": what, "kinds": list(kinds), "learned": learned}))
-            self.bench.begin(Job(what, key), go, lambda job, said: self._ended(job, said, now))
+            self.runner.begin(Job(what, key), go, lambda job, said: self._ended(job, said, now))
 
     def stop(self) -> None:
         """Stop the running work."""
-        self.bench.stop()
+        self.runner.stop()
 
     def _tables(self) -> list[str]:
         """Return the names of dropped tables."""
@@ -373,8 +375,8 @@ class SessionController(PageSession):
 
     def _diagnoses(self, model: OpenModel) -> list[tuple[Effects, Mapping[str, Any]]]:
         """Return the diagnoses of the steps up to the present one, each with the effects of its model."""
-        way = [step.effects for step in self.state.steps[: self.state.cursor + 1]]
-        found = [(one, self.folder.result(result_key("diagnose", model.key, one))) for one in way]
+        history = [step.effects for step in self.state.steps[: self.state.cursor + 1]]
+        found = [(one, self.folder.result(result_key("diagnose", model.key, one))) for one in history]
         return [(effects, result) for effects, result in found if result is not None]
 
     def _ended(self, job: Job, said: str, began: PageStep) -> None:

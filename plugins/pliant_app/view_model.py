@@ -23,8 +23,8 @@ from pliant.evidence.comparison_sentences import interpret
 from pliant.evidence.covariates import Covariate, covariates
 from pliant.evidence.scores import run_words
 from pliant.formatting import display_unit, output_unit
-from pliant.mechanics.held import is_held
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.mechanics.prescribed import is_held
 from pliant.pipeline.run_folder import EngineResult, FinishedRun
 from pliant.records.design import Array
 from pliant.records.fem import IntArray

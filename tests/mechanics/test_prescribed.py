@@ -14,7 +14,7 @@ from pliant.experiments.experiment_catalogue import OF_HELD, timed_catalogue
 from pliant.experiments.planned_run import BenchScale
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.reading import read_measurement
-from pliant.mechanics.held import prescribed_motion
+from pliant.mechanics.prescribed import prescribed_motion
 from pliant.records.chain import ChainModel
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement

@@ -77,7 +77,7 @@ class SessionExporter:
                 "name": target.name,
                 "path": str(target),
                 "yaml": text,
-                "commands": commands(self._way(target)),
+                "commands": commands(self._history(target)),
             }
 
     def keep(self, what: str, name: str = "") -> dict[str, Any]:
@@ -91,13 +91,13 @@ class SessionExporter:
         with self.session.slow:
             model, now = self.session.present()
             saved = self.save(name)
-            way = self._way(Path(saved["path"]))
+            history = self._history(Path(saved["path"]))
             target = Path(saved["path"]).with_suffix(KEPT[what])
             with displayed_in(units_as_written(model.measurement)):
                 if what == "page":
                     text = saved_page(model, now.effects, self.session.shown(model), saved["commands"])
                 elif what == "notebook":
-                    text = notebook(way, model.study.name)
+                    text = notebook(history, model.study.name)
                 else:
                     text = "\n".join(["#!/bin/sh", "set -e", *saved["commands"], ""])
             write_atomically(target, text)
@@ -140,7 +140,7 @@ class SessionExporter:
             self._write_study(target)
             return read(target)
 
-    def _way(self, saved: Path) -> ModelHistory:
+    def _history(self, saved: Path) -> ModelHistory:
         """Return the steps that led to the present model."""
         model, now = self.session.now(), self.session.state.now
         known = self.session.folder.result(now.result) if now.result else None
@@ -163,32 +163,34 @@ class SessionExporter:
             work.write_by_hand(target, model, now.effects)
 
 
-def commands(way: ModelHistory) -> list[str]:
+def commands(history: ModelHistory) -> list[str]:
     """Return the steps as commands, on all runs of the files; values set by hand are only in the saved study.
 
     A second run overwrites the study of the first, which is stored next to the saved one.
     """
-    data = [word for file in way.data for word in ("--data", str(file))]
-    lines = [["pliant", "compare", str(way.study), *data]]
-    if way.diagnosed:
-        lines.append(["pliant", "diagnose", str(way.study), *data])
-    named = [word for kind in way.kinds for word in ("--effect", kind)]
-    if way.what == "fit":
-        lines.append(["pliant", "extend", str(way.study), *named, *data, *_beside(way, "fitted")])
-    elif way.what == "improve":
-        learned = ["--learned"] if way.learned else []
-        lines.append(["pliant", "improve", str(way.study), *learned, *data, *_beside(way, "improved")])
-    lines.append(["pliant", "compare", str(way.saved)])
+    data = [word for file in history.data for word in ("--data", str(file))]
+    lines = [["pliant", "compare", str(history.study), *data]]
+    if history.diagnosed:
+        lines.append(["pliant", "diagnose", str(history.study), *data])
+    named = [word for kind in history.kinds for word in ("--effect", kind)]
+    if history.what == "fit":
+        lines.append(["pliant", "extend", str(history.study), *named, *data, *_beside(history, "fitted")])
+    elif history.what == "improve":
+        learned = ["--learned"] if history.learned else []
+        lines.append(
+            ["pliant", "improve", str(history.study), *learned, *data, *_beside(history, "improved")]
+        )
+    lines.append(["pliant", "compare", str(history.saved)])
     return [shlex.join(line) for line in lines]
 
 
-def _beside(way: ModelHistory, word: str) -> list[str]:
-    return ["--out", str(way.saved.with_name(f"{way.saved.stem}-{word}.yaml")), "--force"]
+def _beside(history: ModelHistory, word: str) -> list[str]:
+    return ["--out", str(history.saved.with_name(f"{history.saved.stem}-{word}.yaml")), "--force"]
 
 
-def notebook(way: ModelHistory, title: str) -> str:
+def notebook(history: ModelHistory, title: str) -> str:
     """Return the same as a Jupyter notebook (nbformat 4.5) without outputs."""
-    files = [str(file) for file in way.data]
+    files = [str(file) for file in history.data]
     given = f"data={files!r}" if files else ""
 
     def call(verb: str, *words: str) -> dict[str, Any]:
@@ -196,17 +198,19 @@ def notebook(way: ModelHistory, title: str) -> str:
 
     cells = [
         _cell("markdown", f"# {title}\n\nMade by `pliant app`. It runs on all runs of the files."),
-        _cell("code", f"import pliant\n\nrobot = pliant.open({str(way.study)!r})\nrobot.compare({given})"),
+        _cell(
+            "code", f"import pliant\n\nrobot = pliant.open({str(history.study)!r})\nrobot.compare({given})"
+        ),
     ]
-    if way.diagnosed:
+    if history.diagnosed:
         cells.append(call("diagnose", given))
-    if way.what == "fit":
-        cells.append(call("extend", *map(repr, way.kinds), given))
-    elif way.what == "improve":
-        cells.append(call("improve", given, "learned=True" if way.learned else ""))
+    if history.what == "fit":
+        cells.append(call("extend", *map(repr, history.kinds), given))
+    elif history.what == "improve":
+        cells.append(call("improve", given, "learned=True" if history.learned else ""))
     cells += [
         _cell("markdown", "The model that was saved, with the values of the page:"),
-        _cell("code", f"saved = pliant.open({str(way.saved)!r}).compare()\nsaved.plot(interactive=True)"),
+        _cell("code", f"saved = pliant.open({str(history.saved)!r}).compare()\nsaved.plot(interactive=True)"),
     ]
     numbered = [{**cell, "id": f"cell-{k}"} for k, cell in enumerate(cells)]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}

@@ -14,36 +14,36 @@ from tests.command import called
 from pliant import api
 from pliant.errors import UserError
 from pliant.notebook.study import StudyHandle
-from pliant_app.desk import SessionController
-from pliant_app.leaving import ModelHistory, anywhere, commands, notebook
+from pliant_app.controller import SessionController
+from pliant_app.exports import ModelHistory, anywhere, commands, notebook
 
 GAIN = ({"kind": "actuation_gain", "gain": 1.25},)
 
 
-def test_the_page_stands_alone_and_says_what_was_doubted(desk: SessionController) -> None:
-    desk.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
-    kept = Path(desk.leaving.keep("page")["kept_path"])
+def test_the_page_stands_alone_and_says_what_was_doubted(controller: SessionController) -> None:
+    controller.step(({"kind": "sensor_bias", "bias_rad": 0.3},), [], "a bias that is not there")
+    kept = Path(controller.exports.keep("page")["kept_path"])
     html = kept.read_text("utf-8")
     assert "a bias that is not there" in html and "unseen runs become worse" in html
     assert "17.19" in html  # 0.3 rad, in the page's unit of degrees
-    shown = desk.view()["model"]["steps"][-1]
+    shown = controller.view()["model"]["steps"][-1]
     assert f"{shown['aside']:.3g}" in html
     assert not re.search(r"(?:src|href)=\"http", html)
-    assert desk.leaving.keep("page", "mine")["kept"] == "mine.html" and kept.exists()
+    assert controller.exports.keep("page", "mine")["kept"] == "mine.html" and kept.exists()
 
 
-def test_a_copied_study_reads_its_files_from_anywhere(desk: SessionController, tmp_path: Path) -> None:
-    desk.step(GAIN, [], "by hand")
+def test_a_copied_study_reads_its_files_from_anywhere(controller: SessionController, tmp_path: Path) -> None:
+    controller.step(GAIN, [], "by hand")
     copy = tmp_path / "downloads" / "mine.yaml"
     copy.parent.mkdir()
-    for text in (anywhere(Path(desk.leaving.save()["path"])), desk.leaving.as_yaml()["yaml"]):
+    for text in (anywhere(Path(controller.exports.save()["path"])), controller.exports.as_yaml()["yaml"]):
         copy.write_text(text)
         assert api.compare(api.open_study(copy, store=tmp_path / "store")).rmse_over_floor < 1.2
 
 
-def test_commands_run_and_give_the_saved_study_error(desk: SessionController, bench: Path) -> None:
-    desk.step(GAIN, [], "by hand")
-    said = desk.leaving.keep("commands")
+def test_commands_run_and_give_the_saved_study_error(controller: SessionController, bench: Path) -> None:
+    controller.step(GAIN, [], "by hand")
+    said = controller.exports.keep("commands")
     lines = [shlex.split(one) for one in Path(said["kept_path"]).read_text().splitlines()[2:]]
     assert [line[:2] for line in lines] == [["pliant", "compare"]] * 2
     told, where = bench / "told.json", [f"--store={bench / 'store'}", f"--out={bench / 'out'}"]
@@ -94,7 +94,7 @@ def test_the_way_for_each_kind_in_commands(tmp_path: Path) -> None:
     assert shlex.split(improved[1])[:4] == ["pliant", "improve", str(study), "--learned"]
 
 
-def test_nothing_else_is_kept(desk: SessionController) -> None:
+def test_nothing_else_is_kept(controller: SessionController) -> None:
     with pytest.raises(UserError, match="page, notebook and commands"):
-        desk.leaving.keep("../x")
-    assert not list(desk.folder.saved.iterdir())
+        controller.exports.keep("../x")
+    assert not list(controller.folder.saved.iterdir())
