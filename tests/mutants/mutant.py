@@ -16,7 +16,12 @@ ROOMS: Mapping[str, Sequence[str]] = {
     "fem": ("plugins/pliant_plugins/fem",),
     "laws": ("plugins/pliant_plugins/surrogates", "plugins/pliant_designs"),
     "effects": ("plugins/pliant_plugins/effects",),
-    "diagnosis": ("core/pliant/diagnosis", "core/pliant/evidence", "plugins/pliant_counts"),
+    "diagnosis": (
+        "core/pliant/diagnosis",
+        "core/pliant/evidence",
+        "plugins/pliant_counts",
+        "plugins/pliant_learned",
+    ),
     "search": ("plugins/pliant_search",),
     "store": ("core/pliant/store",),
     "execution": ("core/pliant/execution",),

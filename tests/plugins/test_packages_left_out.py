@@ -104,3 +104,16 @@ def test_the_rest_works_without_sweeps_and_meta_models(tmp_path: Path) -> None:
         assert done.returncode == 2 and "Traceback" not in done.stderr
         sentence = " ".join(done.stderr.split())
         assert "'sweep' and 'meta_model' belong to the package pliant_designs" in sentence
+
+
+def test_a_diagnosis_works_without_learned_terms_and_improve_names_their_package(tmp_path: Path) -> None:
+    environment = without("learned", tmp_path / "site")
+    example = called(environment, tmp_path, "example", "hidden-effect")
+    assert example.returncode == 0, example.stderr
+    folder = next(path.parent for path in tmp_path.glob("*/finger.yaml"))
+    options = ("--effect", "stiffness", "--effect", "sensor_bias")
+    done = called(environment, folder, "diagnose", "finger.yaml", "--no-page", *options)
+    assert done.returncode == 0 and "A learned term would" not in done.stdout, done.stderr
+    done = called(environment, folder, "improve", "finger.yaml", "--learned", *options)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "a learned term belongs to the package pliant_learned" in " ".join(done.stderr.split())

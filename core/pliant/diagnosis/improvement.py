@@ -59,6 +59,7 @@ from pliant.measurements.thinning import downsample
 from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
 from pliant.records.remark import Rank, Remark
+from pliant.registry.residual_model import require_residual_model
 
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on left-out training runs by this share.
@@ -138,7 +139,10 @@ def improve(
 
     Raises:
         UserError: no reading can be used, or an engine that cannot simulate histories.
+        MissingDependencyError: `learned`, and no package that learns a term is installed.
     """
+    if learned:
+        require_residual_model()
     walk = _Walk(context, study, measurement, kinds, tick, workers, split)
     stop, reason = walk.go(most_steps, named_only)
     final = walk.final()

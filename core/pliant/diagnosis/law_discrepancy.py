@@ -109,7 +109,8 @@ def law_error_basis(predictor: Predictor) -> LawErrorBasis | None:
         seen = SeenMotion(predictor)
     except PliantError:
         return None
-    found = [axis for name, knots in KNOTS.items() for axis in seen.axes(name, knots, "moment")]
+    tried = [seen.axis(CurveAxis(name, 0.0, 1.0, knots)) for name, knots in KNOTS.items()]
+    found = [axis for axis in tried if axis is not None]
     axes = tuple(axis for axis in found if axis.knots > 2)
     if not axes:
         return None

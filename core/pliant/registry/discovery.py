@@ -24,6 +24,7 @@ from pliant.registry.guarded_effect import GuardedEffect
 from pliant.registry.interface import Interface, interfaces
 from pliant.registry.law_source import LawSource, law_sources
 from pliant.registry.manifests import CONTRACT_VERSION, Entry, distribution_name, entry_points, hooked
+from pliant.registry.residual_model import ResidualModel, residual_models
 from pliant.registry.result_folder import ResultFolder, result_folders
 from pliant.registry.stored_record import StoredRecord, stored_records
 
@@ -43,6 +44,7 @@ ENTRIES: Mapping[str, tuple[type[Any], Callable[[], Mapping[str, Entry]]]] = {
     "pliant_folders": (ResultFolder, result_folders),
     "pliant_data": (DataKind, data_kinds),
     "pliant_law_sources": (LawSource, law_sources),
+    "pliant_residual_models": (ResidualModel, residual_models),
     "pliant_functions": (Function, functions),
 }
 

@@ -18,6 +18,7 @@ HOOKS = (
     "pliant_folders",
     "pliant_data",
     "pliant_law_sources",
+    "pliant_residual_models",
     "pliant_functions",
 )
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -67,6 +68,11 @@ def pliant_data() -> Iterable[Any]:  # type: ignore[empty-body]
 @hookspec
 def pliant_law_sources() -> Iterable[Any]:  # type: ignore[empty-body]
     """Return a `LawSource` for each block of a study from which laws of designs come."""
+
+
+@hookspec
+def pliant_residual_models() -> Iterable[Any]:  # type: ignore[empty-body]
+    """Return a `ResidualModel` for each way to learn a term for what no listed effect explains."""
 
 
 @hookspec

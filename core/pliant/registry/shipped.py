@@ -9,6 +9,7 @@ ENTRIES = {
     "pliant_counts": (),
     "pliant_designs": ("sweep", "meta_model"),
     "pliant_export": ("export",),
+    "pliant_learned": (),
     "pliant_search": ("optimize", "search", "optimizer"),
     "pliant_view": ("render", "view"),
 }

@@ -2,7 +2,7 @@
 
 An answer is its document without drawing functions, its rendered page, and the files that accompany the page. Its key
 contains the study, the numbers of the chain and of the measurement, the options, and the code of the verb, the engine,
-all effects and the page.
+all effects, the residual models and the page.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pliant.records.measurement import Measurement
 from pliant.records.plain_values import plain
 from pliant.records.remark import Rank
 from pliant.registry.files import FILE_MODULE, effect_files
+from pliant.registry.residual_model import residual_models
 from pliant.report.document import Document, Page, Table, Warned
 from pliant.report.render import page
 from pliant.store.content import content_digest
@@ -76,7 +77,13 @@ class Question:
             self.modules[0].rpartition(".")[2],
             lambda partial: compute(),
             components=[context.component("physics", study_physics(context, self.study)), *shipped],
-            modules=[*self.modules, __name__, "pliant.report.render", "pliant.formatting"],
+            modules=[
+                *self.modules,
+                *(model.module for model in residual_models().values()),
+                __name__,
+                "pliant.report.render",
+                "pliant.formatting",
+            ],
             config={
                 "study": content(self.study),
                 "options": dict(self.options),

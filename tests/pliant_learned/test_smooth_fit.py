@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pliant.diagnosis.smooth_fit import LinearModel, Sums, left_out, most_likely
 from pliant.mechanics.learned_curve import CurveAxis, basis
+from pliant_learned.smooth_fit import LinearModel, Sums, left_out, most_likely
 
 AXIS = CurveAxis("angle", 0.0, 1.0, 20)
 
