@@ -243,7 +243,7 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
         kept = ((slice(None) if run.kept is None else run.kept, read) for run, read in every)
         return [{name: read[name][part] for name in robot.outputs} for part, read in kept]
     outputs = []
-    runs = done(runs, truth.context)
+    runs = done(runs, truth.bench)
     for run, angles, slip in zip(
         runs, ENGINES[engine].follow(robot, runs, truth), slips.tolist(), strict=True
     ):

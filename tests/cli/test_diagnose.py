@@ -53,7 +53,7 @@ def test_what_is_asked_again_is_answered_from_the_store(pliant, bench, read, mon
     def computed(*_: object, **__: object) -> None:
         raise AssertionError("computed again")
 
-    monkeypatch.setattr("pliant.cli.evidence.diagnose_with", computed)
+    monkeypatch.setattr("pliant.api.diagnose_with", computed)
     again = pliant(*asked).done()
     assert again.out == first.out
     assert read("out.json") == found
@@ -93,7 +93,7 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
         except KeyboardInterrupt as interrupt:  # the values that numba computes
             raise SystemError("returned a result with an exception set") from interrupt
 
-    monkeypatch.setattr("pliant.cli.evidence.diagnose_with", stopped)
+    monkeypatch.setattr("pliant.api.diagnose_with", stopped)
     call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW).done(130)
     assert "interrupted" in call.err and "Traceback" not in call.err
     assert not (bench.parent / "out.json").exists()
