@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from pliant.registry.block import KEY
 from pliant.registry.manifests import registered
 from pliant.registry.place import imported, is_place
-
-NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 class MeasuredData(Protocol):
@@ -56,7 +54,7 @@ class DataKind:
 
     def problem(self) -> str | None:
         """Return an error in this entry, or None, without importing anything."""
-        if not (isinstance(self.name, str) and NAME.fullmatch(self.name)):
+        if not (isinstance(self.name, str) and KEY.fullmatch(self.name)):
             return f"a kind of data has name {self.name!r}; write lower-case words joined by '_'"
         if not is_place(self.open):
             return f"{self.label} has open {self.open!r}; write it as 'package.module:function'"

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pliant.errors import MissingDependencyError
+from pliant.registry.block import KEY
 from pliant.registry.manifests import registered
 from pliant.registry.place import is_place
 from pliant.registry.shipped import REMEDY
-
-NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class ResidualModel:
 
     def problem(self) -> str | None:
         """Return an error in this entry, or None, without importing anything."""
-        if not (isinstance(self.name, str) and NAME.fullmatch(self.name)):
+        if not (isinstance(self.name, str) and KEY.fullmatch(self.name)):
             return f"a residual model has name {self.name!r}; write lower-case words joined by '_'"
         if not is_place(self.learn):
             return f"{self.label} has learn {self.learn!r}; write it as 'package.module:function'"

@@ -1,8 +1,8 @@
 """Conformance suites for plugin authors: the clauses of the contracts as checks that name the likely cause.
 
 Each interface has a module of checks, and this one runs them in stages; `parametrize_with_checks` makes one test of
-each component. `samples`, `solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems
-and small implementations that checks and tests use.
+each component. `samples`, `box` and `stand_ins` are the laws, chains, problems and small implementations that checks
+and tests use.
 """
 
 from __future__ import annotations
