@@ -61,7 +61,7 @@ BESIDE_LAW, NEAR_BEST, LEFT_BY_LAW = 3, 14.0, 0.2
 IMITATED_PRICE = 8.0
 # A hypothesis with this much less log-evidence than the best is not refined.
 OUT_OF_REACH = 30.0
-# One with this much less keeps the law's sensitivities at the unchanged model; its own change the log-evidence by up to 3.
+# With this much less, the law's sensitivities stay those of the unchanged model; a fit's own change it by up to 3.
 OUT_OF_LAW_REACH = 15.0
 # Steps from sample to sample for screening larger sets.
 SCREENING_STEPS = 2
