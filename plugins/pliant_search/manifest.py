@@ -111,13 +111,4 @@ def pliant_components() -> Iterable[Component]:
             requires=("optuna",),
             install="pip install 'pliant[search]'",
         ),
-        Component(
-            interface="optimizer",
-            kind="ppo",
-            config=f"{HERE}.optimizers.config:PpoConfig",
-            implementation=f"{HERE}.optimizers.ppo.optimizer:Ppo",
-            summary="PPO by stable-baselines3: learns which design suits which condition, from thousands of candidates",
-            requires=("stable_baselines3", "torch", "tensorboard"),
-            install="pip install 'pliant[ppo]'",
-        ),
     ]

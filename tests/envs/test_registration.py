@@ -15,7 +15,7 @@ def run(code: str) -> str:
 
 def test_pliant_configs_and_models_that_torch_trains_import_nothing_heavy() -> None:
     """Torch and gymnasium are imported only where something is trained."""
-    names = ("pliant", "pliant_search.optimizers.config")
+    names = ("pliant", "pliant_search.optimizers.config", "pliant_ppo.config")
     names += ("pliant_designs.meta_models.neural", "pliant_designs.meta_models.coefficients")
     heavy = ("torch", "stable_baselines3", "gymnasium")
     assert run(f"import sys, {', '.join(names)}; print([m for m in {heavy} if m in sys.modules])") == "[]"

@@ -22,7 +22,7 @@ ROOMS: Mapping[str, Sequence[str]] = {
         "plugins/pliant_counts",
         "plugins/pliant_learned",
     ),
-    "search": ("plugins/pliant_search",),
+    "search": ("plugins/pliant_search", "plugins/pliant_ppo"),
     "store": ("core/pliant/store",),
     "execution": ("core/pliant/execution",),
 }

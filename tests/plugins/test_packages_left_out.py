@@ -82,6 +82,18 @@ def test_a_study_with_blocks_from_an_absent_package_names_the_package(tmp_path: 
     )
 
 
+def test_the_search_works_without_ppo_whose_kind_names_its_package(tmp_path: Path) -> None:
+    environment = without("ppo", tmp_path / "site")
+    listed = called(environment, tmp_path, "plugins")
+    assert "cmaes" in listed.stdout and " ppo " not in listed.stdout
+    (tmp_path / "study.yaml").write_text(STUDY)
+    done = called(environment, tmp_path, "optimize", "study.yaml", "optimizer.kind=ppo")
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "optimizer 'ppo' belongs to the package pliant_ppo, which is missing" in " ".join(
+        done.stderr.split()
+    )
+
+
 @pytest.mark.parametrize("verb", ["compare", "diagnose"])
 def test_counts_without_their_package_name_it(verb: str, tmp_path: Path) -> None:
     environment = without("counts", tmp_path / "site")

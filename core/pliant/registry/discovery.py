@@ -9,7 +9,7 @@ from typing import Any
 
 import pluggy
 
-from pliant.errors import UserError, closest
+from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.effect import Effect
 from pliant.interfaces.material import MaterialConfig, with_regions
@@ -26,6 +26,7 @@ from pliant.registry.law_source import LawSource, law_sources
 from pliant.registry.manifests import CONTRACT_VERSION, Entry, distribution_name, entry_points, hooked
 from pliant.registry.residual_model import ResidualModel, residual_models
 from pliant.registry.result_folder import ResultFolder, result_folders
+from pliant.registry.shipped import REMEDY, shipped_in
 from pliant.registry.stored_record import StoredRecord, stored_records
 
 # Contract number → changes that a plugin of the previous number needs.
@@ -77,6 +78,8 @@ class Registry:
         for failure in self.failures:
             if (interface, kind) in failure.kinds:
                 raise UserError(f"{interface} '{kind}' of {failure.package} cannot be used: {failure.cause}.")
+        if package := shipped_in(f"{interface} {kind}"):
+            raise MissingDependencyError(f"{interface} '{kind}' belongs to the package {package}, {REMEDY}.")
         known = self.kinds(interface)
         near = closest(kind, known)
         message = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# Package → its verbs and its blocks of a study.
+# Package → its verbs, its blocks of a study, and its kinds of an interface that another package registers.
 ENTRIES = {
     "pliant_app": ("app",),
     "pliant_calibrate": ("calibrate",),
@@ -10,6 +10,7 @@ ENTRIES = {
     "pliant_designs": ("sweep", "meta_model"),
     "pliant_export": ("export",),
     "pliant_learned": (),
+    "pliant_ppo": ("optimizer ppo",),
     "pliant_search": ("optimize", "search", "optimizer"),
     "pliant_view": ("render", "view"),
 }
@@ -18,5 +19,5 @@ REMEDY = "which is missing in this installation of Pliant: pip install --force-r
 
 
 def shipped_in(name: str) -> str:
-    """Return the shipped package that registers a verb or block of this name; "" for any other name."""
+    """Return the shipped package that registers a verb, block or kind of this name; "" for any other name."""
     return next((package for package, names in ENTRIES.items() if name in names), "")

@@ -14,7 +14,7 @@ ENVIRONMENTS = {
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
 }
 # Needs a study with a search, and is no robot that moves.
-DESIGN = {"pliant/Design-v0": "pliant_search.envs.design:DesignEnv"}
+DESIGN = {"pliant/Design-v0": "pliant_ppo.design_env:DesignEnv"}
 
 
 def register() -> None:

@@ -1,1 +1,1 @@
-"""The search as a gymnasium environment, and policies that an optimizer trains."""
+"""Policies that an optimizer trains."""

@@ -239,8 +239,8 @@ def test_an_optimizer_policy_continues_in_the_environment(tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    from pliant_search.optimizers.config import PpoConfig
-    from pliant_search.optimizers.ppo.optimizer import Ppo
+    from pliant_ppo.config import PpoConfig
+    from pliant_ppo.optimizer import Ppo
 
     optimizer = Ppo(PpoConfig(tensorboard=False))
     optimizer.start(StandInProblem().space(contextual=True), 0)

@@ -11,21 +11,21 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant_plugins.native import load_torch
-from pliant_search.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
-from pliant_search.optimizers.config import PpoConfig
-from pliant_search.optimizers.ppo.episode import (
+from pliant_ppo.config import PpoConfig
+from pliant_ppo.episode import (
     context_index,
     context_observations,
     decode_action,
     encode_action,
 )
-from pliant_search.optimizers.ppo.policy import write_policy
+from pliant_ppo.policy import write_policy
+from pliant_search.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 
 load_torch("optimizer 'ppo' needs torch")  # before stable-baselines3, which would load it after ngsolve
 
 from stable_baselines3.common.logger import TensorBoardOutputFormat  # noqa: E402
 
-from pliant_search.optimizers.ppo.learner import Learner, Sample, packed, unpacked  # noqa: E402
+from pliant_ppo.learner import Learner, Sample, packed, unpacked  # noqa: E402
 
 LARGEST = 1e15  # objective; the square of a larger one overflows in the network's single precision
 ALL_BROKEN = 1.0  # violation from which on `Rewards` sees no difference

@@ -1,6 +1,6 @@
 """A learned policy as files, and designs from them.
 
-    from pliant_search.optimizers.ppo.policy import SavedPolicy
+    from pliant_ppo.policy import SavedPolicy
 
     policy = SavedPolicy.load("runs/NAME/optimizer")
     policy.design("egg-5")        # {"family.average_radius": 0.0071, ...}, SI
@@ -24,8 +24,8 @@ import numpy as np
 
 from pliant.errors import UserError, closest
 from pliant_plugins.native import load_torch
+from pliant_ppo.episode import Numbers, decode_action, episode_spaces
 from pliant_search.optimizer import Space, Value, Variable
-from pliant_search.optimizers.ppo.episode import Numbers, decode_action, episode_spaces
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import ActorCriticPolicy

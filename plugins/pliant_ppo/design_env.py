@@ -12,9 +12,9 @@ import numpy as np
 from pliant.api import open_study
 from pliant.errors import UserError, closest
 from pliant_plugins.envs.base import stored
+from pliant_ppo.episode import Numbers, context_observations, decode_action, episode_spaces
 from pliant_search.evaluate.evaluator import Evaluates, evaluator_from_study
 from pliant_search.optimizer import Value
-from pliant_search.optimizers.ppo.episode import Numbers, context_observations, decode_action, episode_spaces
 from pliant_search.problem.search_problem import SearchProblem
 
 

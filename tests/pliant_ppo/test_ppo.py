@@ -20,16 +20,16 @@ pytest.importorskip("tensorboard")
 
 from pliant.errors import MissingDependencyError, UserError  # noqa: E402
 from pliant.registry.discovery import discover  # noqa: E402
-from pliant_search.optimizer import Context, Space, Trial, Variable  # noqa: E402
-from pliant_search.optimizers.config import PpoConfig  # noqa: E402
-from pliant_search.optimizers.ppo.episode import (  # noqa: E402
+from pliant_ppo.config import PpoConfig  # noqa: E402
+from pliant_ppo.episode import (  # noqa: E402
     context_index,
     context_observations,
     decode_action,
     encode_action,
 )
-from pliant_search.optimizers.ppo.optimizer import Ppo, Rewards  # noqa: E402
-from pliant_search.optimizers.ppo.policy import SavedPolicy  # noqa: E402
+from pliant_ppo.optimizer import Ppo, Rewards  # noqa: E402
+from pliant_ppo.policy import SavedPolicy  # noqa: E402
+from pliant_search.optimizer import Context, Space, Trial, Variable  # noqa: E402
 
 NAN = float("nan")
 MIXED = (

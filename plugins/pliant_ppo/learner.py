@@ -16,8 +16,8 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from pliant.records.design import Array
-from pliant_search.optimizers.config import PpoConfig
-from pliant_search.optimizers.ppo.episode import Numbers, episode_spaces
+from pliant_ppo.config import PpoConfig
+from pliant_ppo.episode import Numbers, episode_spaces
 
 # Purposes of draws; each has a separate random sequence.
 START, CANDIDATE, UPDATE = 0, 1, 2
