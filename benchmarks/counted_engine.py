@@ -19,13 +19,13 @@ CONTRACT = 3
 DELAY_S = 0.02  # of a candidate, so that kills meet evaluations
 
 
-class CountedConfig(QuasistaticConfig):
+class CountedQuasistaticConfig(QuasistaticConfig):
     """The config of `quasistatic` under another kind."""
 
     kind: Literal["counted_quasistatic"] = "counted_quasistatic"
 
 
-class Counted(Quasistatic):
+class CountedQuasistatic(Quasistatic):
     """Statics with a log."""
 
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
@@ -44,5 +44,5 @@ class Counted(Quasistatic):
 @hookimpl
 def pliant_components() -> list[Component]:
     """Return the engine."""
-    here = (f"{__name__}:CountedConfig", f"{__name__}:Counted")
+    here = (f"{__name__}:CountedQuasistaticConfig", f"{__name__}:CountedQuasistatic")
     return [Component("physics", "counted_quasistatic", *here, "statics with a log", {})]

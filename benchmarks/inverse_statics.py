@@ -33,7 +33,7 @@ BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.6, 0.7]]))
 
 
 @dataclass(frozen=True)
-class Robot:
+class BenchmarkRobot:
     """A chain, its kind of target, and the bar of the median time."""
 
     chain: ChainModel
@@ -41,13 +41,13 @@ class Robot:
     median_s: float
 
 
-def finger() -> Robot:
+def finger() -> BenchmarkRobot:
     """Return eight bending modules with 5 g at their tip, and the target of the tip."""
     chain = sample_chain(study_law(WORKED, True, BOX), modules=8, payload=0.005)
-    return Robot(chain, lambda markers, turn: Target(tip_m=markers[-1]), 0.3e-3)
+    return BenchmarkRobot(chain, lambda markers, turn: Target(tip_m=markers[-1]), 0.3e-3)
 
 
-def two_segments() -> Robot:
+def two_segments() -> BenchmarkRobot:
     """Return two segments of five ball joints with three pressures each in one law, and the target of the tip."""
     segments = []
     for number in range(2):
@@ -55,7 +55,7 @@ def two_segments() -> Robot:
         segments.append(
             Segment(rod_module(three_chambers(), 0.012, 0.0015), 5, number * np.pi / 3, actuators=own)
         )
-    return Robot(
+    return BenchmarkRobot(
         build_chain(ChainConfig(modules=5), segments), lambda markers, turn: Target(tip_m=markers[-1]), 3e-3
     )
 
@@ -97,7 +97,7 @@ def main() -> None:
     write("inverse_statics", results, bars)
 
 
-def measured(name: str, robot: Robot) -> tuple[dict[str, float], list[Bar]]:
+def measured(name: str, robot: BenchmarkRobot) -> tuple[dict[str, float], list[Bar]]:
     """Return the figures of one robot."""
     random = np.random.default_rng(SEED)
     simulation = engine("quasistatic").build(robot.chain)

@@ -48,7 +48,7 @@ STARTING = 0.2  # share of the kills of a search that come before its first cand
 
 
 @dataclass
-class Count:
+class SearchKillCounts:
     """The effect of the kills."""
 
     kills: int = 0
@@ -69,14 +69,14 @@ class Count:
         return not self.wrong and self.damaged == self.saved_and_evaluated_twice == 0
 
 
-class Killing:
+class KilledSearch:
     """One command, killed again and again."""
 
     def __init__(self, command: Sequence[str], folder: Path, seed: int) -> None:
         self.command, self.folder, self.random = list(command), folder, random.Random(seed)
-        self.log, self.count, self._winner = folder / "loaded.log", Count(), ""
+        self.log, self.count, self._winner = folder / "loaded.log", SearchKillCounts(), ""
 
-    def run(self, kills: int) -> Count:
+    def run(self, kills: int) -> SearchKillCounts:
         """Make all kills; complete every round and compare its answer with an undisturbed one."""
         begun = time.monotonic()
         wanted = self._finished("whole")
@@ -207,7 +207,7 @@ def main() -> int:
     results, sound = {}, True
     try:
         for name, (kills, command) in works.items():
-            count = Killing(command, folder, arguments.seed).run(kills) if kills else Count()
+            count = KilledSearch(command, folder, arguments.seed).run(kills) if kills else SearchKillCounts()
             results[name] = {**asdict(count), "seed": arguments.seed, "sound": count.sound}
             print(name, json.dumps(results[name], indent=1), flush=True)
             sound &= count.sound

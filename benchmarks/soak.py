@@ -65,7 +65,7 @@ class Work:
 
 
 @dataclass
-class Count:
+class SoakCounts:
     """Counts of each disturbance, of each outcome, and of errors."""
 
     disturbances: Counter[str] = field(default_factory=Counter)
@@ -101,13 +101,13 @@ class Soak:
     """One store, disturbed for some time."""
 
     def __init__(self, folder: Path, seed: int) -> None:
-        self.folder, self.random, self.count = folder, random.Random(seed), Count()
+        self.folder, self.random, self.count = folder, random.Random(seed), SoakCounts()
         self.works, self.store = works(folder), folder / "store"
         self.wanted: dict[str, Any] = {}
         (folder / "clock").mkdir()
         (folder / "clock" / "sitecustomize.py").write_text(CLOCK)
 
-    def run(self, minutes: float) -> Count:
+    def run(self, minutes: float) -> SoakCounts:
         """Run undisturbed commands, disturbances until the time is up, and the final checks."""
         begun = time.monotonic()
         for work in self.works:

@@ -38,7 +38,7 @@ BARS = {5e3: 3.0, 10e3: 3.0, 15e3: 4.0}  # % RMS
 SETTLED_RAD = 1e-7
 
 
-class Published(NamedTuple):
+class PublishedBending(NamedTuple):
     """Columns of the table."""
 
     pressure: Array
@@ -46,8 +46,8 @@ class Published(NamedTuple):
     angle: Array
     moment: Array
 
-    def rows(self, keep: Array) -> Published:
-        return Published(*(column[keep] for column in self))
+    def rows(self, keep: Array) -> PublishedBending:
+        return PublishedBending(*(column[keep] for column in self))
 
 
 def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
@@ -55,7 +55,7 @@ def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
     return make_solver(problem, mu, pressure_max_pa=16.5e3, dilatation=dilatation)
 
 
-def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, Any]:
+def fitted(published: PublishedBending, refinement: int, dilatation: str) -> dict[str, Any]:
     """Fit μ to the free curve; return it and the RMS residual, as a share of the curve's RMS."""
     model = solver(MU_PA, refinement, dilatation)
     states = [model.rest()]
@@ -103,7 +103,7 @@ def arms(span: float, height: float, theta: float, strain: float) -> Array:
     return np.array([(1 + strain) * span * by_theta + height * np.cos(theta), span * along])
 
 
-def constrained(published: Published, mu: float, refinement: int, every: int) -> list[dict[str, Any]]:
+def constrained(published: PublishedBending, mu: float, refinement: int, every: int) -> list[dict[str, Any]]:
     """Return angle under the edge force at three pressures, for three heights and as a pure moment."""
     model = solver(mu, refinement, "cell")
     results, state = [], model.rest()
@@ -140,7 +140,7 @@ def main() -> None:
         return
     table = reference_table(TABLE.name)
     names = ("pressure_pa", "edge_force_n", "half_angle_rad", "moment_n_m")
-    published = Published(*(table[name] for name in names))
+    published = PublishedBending(*(table[name] for name in names))
     variants = [(1, "cell")] if fast else [(1, "cell"), (2, "cell"), (1, "point"), (2, "point")]
     free = []
     for refinement, dilatation in variants:

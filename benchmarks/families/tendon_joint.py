@@ -47,7 +47,7 @@ TENDON_AT_REST_M = 27.297e-3  # published, constant of the length of the tendon 
 
 
 @dataclass(frozen=True, eq=False)
-class Published:
+class PublishedJoint:
     """Rows of the table, (n,) each; `free` marks those without external moment."""
 
     force_n: Array
@@ -125,12 +125,12 @@ class Published:
         return float(np.linalg.norm(error) / np.linalg.norm(self.moment_n_m[rows]))
 
 
-def published() -> Published:
+def published() -> PublishedJoint:
     """Return the table; exit with a message if it is absent."""
     table = reference_table("tendon_joint_fem.csv")
     if table is None:
         sys.exit(f"tendon_joint: the reference data are absent: {REFERENCE} (see docs: reference study)")
-    return Published(*(table[name] for name in ("tendon_force_n", "joint_angle_rad", "moment_n_m")))
+    return PublishedJoint(*(table[name] for name in ("tendon_force_n", "joint_angle_rad", "moment_n_m")))
 
 
 OFFSETS_MM = (5.2, 8.2)  # where the offset is sought
@@ -149,7 +149,7 @@ class Stated:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedJoint:
     """Values fitted to the free branch; `rms_rad` is the error of its angles."""
 
     tendon_offset_m: float
@@ -195,7 +195,7 @@ class Joint:
         return free_curve(states)
 
 
-def fit(joint: Joint, data: Published) -> Fitted:
+def fit(joint: Joint, data: PublishedJoint) -> FittedJoint:
     """Fit offset and modulus to the free angle by least squares."""
     rows = data.fitted & (data.force_n <= joint.stated.free_top_n)
     force, angle = data.force_n[rows], data.angle_rad[rows]
@@ -215,10 +215,10 @@ def fit(joint: Joint, data: Published) -> Fitted:
         lambda mm: modulus(mm)[1], bounds=OFFSETS_MM, method="bounded", options={"xatol": 4e-3}
     )
     units, squares = modulus(best.x)
-    return Fitted(1e-3 * float(best.x), units * joint.unit_pa, float(np.sqrt(squares / rows.sum())))
+    return FittedJoint(1e-3 * float(best.x), units * joint.unit_pa, float(np.sqrt(squares / rows.sum())))
 
 
-def predict(joint: Joint, fitted: Fitted, data: Published) -> Array:
+def predict(joint: Joint, fitted: FittedJoint, data: PublishedJoint) -> Array:
     """Predict moments (n,) at the constrained rows, NaN elsewhere."""
     model, units = joint.solver(fitted.tendon_offset_m), fitted.shear_modulus_pa / joint.unit_pa
     moments = np.full(len(data.force_n), np.nan)
@@ -231,7 +231,7 @@ def predict(joint: Joint, fitted: Fitted, data: Published) -> Array:
     return moments
 
 
-def errors(data: Published, moments: Array) -> dict[str, Any]:
+def errors(data: PublishedJoint, moments: Array) -> dict[str, Any]:
     """Return relative RMS by force and in all, over the rows between the stops and over all rows."""
 
     def by_force(rows: Mask) -> dict[str, float]:
@@ -243,7 +243,9 @@ def errors(data: Published, moments: Array) -> dict[str, Any]:
     return {**found, "rows_between_stops": int(data.between_stops.sum()), "rows": int((~data.free).sum())}
 
 
-def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) -> list[dict[str, float]]:
+def arms(
+    joint: Joint, fitted: FittedJoint, data: PublishedJoint, force_n: float = 4.0
+) -> list[dict[str, float]]:
     """Return ∂M/∂T by angle: data, ours, our ∂travel/∂θ by differences, the arc's closed form, the published one."""
     model, units = joint.solver(fitted.tendon_offset_m), fitted.shear_modulus_pa / joint.unit_pa
     geometry = joint.family(fitted.tendon_offset_m).geometry
@@ -270,7 +272,7 @@ def arms(joint: Joint, fitted: Fitted, data: Published, force_n: float = 4.0) ->
     return rows
 
 
-def convergence(stated: Stated, fitted: Fitted, finest: int) -> list[dict[str, float]]:
+def convergence(stated: Stated, fitted: FittedJoint, finest: int) -> list[dict[str, float]]:
     """Return the free angle at 3 and 6 N and the moment at 6 N, θ = 0.2, by refinement, constants unchanged."""
     rows = []
     for refinement in range(1, finest + 1):
@@ -307,7 +309,7 @@ def choices() -> dict[str, Stated]:
     return found
 
 
-def study(stated: Stated, refinement: int, data: Published) -> tuple[Joint, Fitted, dict[str, Any]]:
+def study(stated: Stated, refinement: int, data: PublishedJoint) -> tuple[Joint, FittedJoint, dict[str, Any]]:
     """Fit and prediction with one choice of stated values."""
     joint = Joint(stated, refinement)
     fitted = fit(joint, data)

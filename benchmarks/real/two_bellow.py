@@ -71,7 +71,7 @@ measurements: {{file: RUN, outputs: [angle_rad], rename: {{bend_angle_rad: angle
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class BellowRun:
     """One run: its file, clock (t,), pressures (t,), angle (t,)."""
 
     path: Path
@@ -147,13 +147,13 @@ def bench(folder: Path, page: bool) -> None:
         publish("two-bellow", page_lines(ways, floor))
 
 
-def read(folder: Path) -> dict[str, Run]:
+def read(folder: Path) -> dict[str, BellowRun]:
     """Write each run to a separate file and return the runs."""
     found = {}
     for name, rows in read_runs(FILES).items():
         columns = {key: np.array([float(row[key]) for row in rows]) for key in rows[0] if key != "run"}
         signals = (columns[key] for key in ("time_s", "pressure_1_pa", "pressure_2_pa", "bend_angle_rad"))
-        found[name] = Run(write_rows(folder / f"{name}.csv", rows), *signals)
+        found[name] = BellowRun(write_rows(folder / f"{name}.csv", rows), *signals)
     return found
 
 
@@ -166,7 +166,7 @@ class Repeat:
     moved: float
 
 
-def compare_repeat(one: Run, again: Run) -> Repeat:
+def compare_repeat(one: BellowRun, again: BellowRun) -> Repeat:
     """Return the RMS difference of two runs, each set to its own zero; the recorder may have started late."""
 
     def apart(shift_s: float) -> float:
@@ -177,7 +177,7 @@ def compare_repeat(one: Run, again: Run) -> Repeat:
     return Repeat(apart(0.0), float(shift), apart(shift))
 
 
-def way(folder: Path, runs: dict[str, Run], training: str) -> Way:
+def way(folder: Path, runs: dict[str, BellowRun], training: str) -> Way:
     """Fit the law and improve on one run, twice in turn, and score on the others."""
     run = runs[training]
     static = chosen(static_laws(run.p1, run.p2, run.angle, run.time_s))
@@ -296,7 +296,7 @@ def page_lines(ways: list[Way], floor: Repeat) -> list[str]:
     return lines
 
 
-def draw(runs: dict[str, Run], ways: list[Way]) -> None:
+def draw(runs: dict[str, BellowRun], ways: list[Way]) -> None:
     """Draw held-out runs: angle over time, and the error of the static law and of the improved model."""
     shown = [(one, name) for one in ways for name in TRAINING[one.training][:2]]
     figure, panels = plt.subplots(

@@ -31,7 +31,7 @@ from benchmarks.output import OUT, Bar, make_parser, write
 from benchmarks.surrogates.kinds import table
 from benchmarks.surrogates.states_least_squares import KINDS as BASELINE_KINDS
 from benchmarks.surrogates.states_least_squares import least_squares, select_data
-from benchmarks.surrogates.truth import Truth, study_truth, truth
+from benchmarks.surrogates.truth import TrueStates, study_truth, truth
 from scipy.optimize import minimize
 
 from pliant.errors import UserError
@@ -87,7 +87,7 @@ class Views:
     derivatives: dict[tuple[int, int], Array]
 
     @staticmethod
-    def from_states(states: Truth, scale: float) -> Views:
+    def from_states(states: TrueStates, scale: float) -> Views:
         """Scale efforts by `scale`, Π by that and the half-width in u."""
         half, centre = np.ptp(states.box, axis=1) / 2, states.box.mean(axis=1)
         places = (np.column_stack([states.actuation, states.angle_rad]) - centre) / half
@@ -185,17 +185,17 @@ def _scaled_views(data: ModuleData) -> Views:
     u = data.deformation[good, 0]
     box = np.array([[0.0, data.actuation.max()], [u.min(), u.max()]])
     columns = (data.tau[good, 0], data.dtau_dp[good, 0], data.dtau_du[good, 0, 0])
-    states = Truth(data.actuation[good], u, *columns, data.energy_j[good], data.travel[good], box, 0)
+    states = TrueStates(data.actuation[good], u, *columns, data.energy_j[good], data.travel[good], box, 0)
     return Views.from_states(states, float(np.ptp(states.tau)))
 
 
-def known_data(states: Truth, rows: Array, kind: str) -> ModuleData:
+def known_data(states: TrueStates, rows: Array, kind: str) -> ModuleData:
     """Return states as data of a module, restricted to the quantities of the kind."""
     data = select_data(states, rows, "slopes" in kind)
     return data if "energy" in kind else replace(data, travel=np.full(len(rows), np.nan))
 
 
-def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
+def held_back(states: TrueStates, rows: list[int], kind: str) -> Array | None:
     """Return (n,) scaled efforts of the polynomial of all terms; None for a kind without rows."""
     if kind == "values, slopes, travel":
         return None
@@ -208,7 +208,7 @@ def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
     return values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
 
 
-def component(states: Truth, rows: list[int], kind: str) -> Array | None:
+def component(states: TrueStates, rows: list[int], kind: str) -> Array | None:
     """Return (n,) scaled efforts of `Polynomial`; None if it refuses the data, or for a kind without rows."""
     if kind == "values, slopes, travel":
         return None
@@ -222,7 +222,7 @@ def component(states: Truth, rows: list[int], kind: str) -> Array | None:
     return law.evaluate(states.actuation, states.angle_rad[:, None]).tau[:, 0] / np.ptp(states.tau)
 
 
-def curves(states: Truth, kind: str, others: Array) -> tuple[dict[str, Curve], list[int]]:
+def curves(states: TrueStates, kind: str, others: Array) -> tuple[dict[str, Curve], list[int]]:
     """Return errors of each estimator by number of states, and the places in the order in which they are chosen."""
     views, orders = Views.from_states(states, float(np.ptp(states.tau))), KINDS[kind]
     numbers = VALUES_NUMBERS if kind == "values" else NUMBERS
@@ -252,7 +252,7 @@ def curves(states: Truth, kind: str, others: Array) -> tuple[dict[str, Curve], l
     return {name: curve for name, curve in found.items() if curve}, order
 
 
-def orders_beside(states: Truth, kind: str, others: Array) -> dict[int, list[float]]:
+def orders_beside(states: TrueStates, kind: str, others: Array) -> dict[int, list[float]]:
     """Return RMS of the regularised polynomial by number of states, for lengths varied by a fifth."""
     places, true = Views.from_states(states, 1.0).places[: states.grid], states.tau / np.ptp(states.tau)
     found: dict[int, list[float]] = {number: [] for number in BESIDE}
@@ -265,7 +265,7 @@ def orders_beside(states: Truth, kind: str, others: Array) -> dict[int, list[flo
     return found
 
 
-def baseline(states: Truth, kind: str) -> dict[str, Curve]:
+def baseline(states: TrueStates, kind: str) -> dict[str, Curve]:
     """Return the curves of least squares."""
     found = least_squares(states, kind)
     return {

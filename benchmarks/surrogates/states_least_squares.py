@@ -7,7 +7,7 @@ States are chosen one by one by D-optimality of the equations that they bring (F
 from __future__ import annotations
 
 import numpy as np
-from benchmarks.surrogates.truth import Truth
+from benchmarks.surrogates.truth import TrueStates
 
 from pliant.records.design import Array, Design
 from pliant.records.fem import ModuleData
@@ -26,7 +26,7 @@ MAX_DEGREE = 13
 RIDGE = 1e-6
 
 
-def select_data(states: Truth, rows: Array, slopes: bool) -> ModuleData:
+def select_data(states: TrueStates, rows: Array, slopes: bool) -> ModuleData:
     """Return chosen states as data of a module; without `slopes` those are unknown."""
     n = len(rows)
     known = 1.0 if slopes else np.nan
@@ -52,14 +52,14 @@ def select_data(states: Truth, rows: Array, slopes: bool) -> ModuleData:
     )
 
 
-def build_system(states: Truth, rows: Array, kind: str) -> EnergySystem:
+def build_system(states: TrueStates, rows: Array, kind: str) -> EnergySystem:
     """Return the linear system of these states."""
     slopes, energies = KINDS[kind]
     domain = Domain(states.box[0], states.box[1:])
     return EnergySystem(select_data(states, rows, slopes), domain, np.array([np.ptp(states.tau)]), energies)
 
 
-def order(states: Truth, kind: str, terms: Exponents, count: int) -> Array:
+def order(states: TrueStates, kind: str, terms: Exponents, count: int) -> Array:
     """Return places of the grid, each with the largest gain of log det of the information (places only)."""
     matrix, _, state = build_system(states, np.arange(states.grid), kind).rows(terms)
     matrix = matrix / np.linalg.norm(matrix, axis=0)
@@ -78,7 +78,7 @@ def order(states: Truth, kind: str, terms: Exponents, count: int) -> Array:
 
 
 def misses(
-    states: Truth, system: EnergySystem, terms: Exponents, check: Array
+    states: TrueStates, system: EnergySystem, terms: Exponents, check: Array
 ) -> tuple[float, float, float] | None:
     """Return RMS and worst check error and leave-one-out RMS, as shares of the range; None: undetermined."""
     matrix, right, _ = system.rows(terms)
@@ -95,7 +95,7 @@ def misses(
     return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), left_out
 
 
-def least_squares(states: Truth, kind: str) -> dict[int, dict[str, tuple[float, float]]]:
+def least_squares(states: TrueStates, kind: str) -> dict[int, dict[str, tuple[float, float]]]:
     """Return (RMS, worst) on the check states by number of states: by cross-validation, and the best possible."""
     check = np.arange(states.grid, len(states.tau))
     result: dict[int, dict[str, tuple[float, float]]] = {}

@@ -27,7 +27,7 @@ COLUMNS = ("actuation", "angle_rad", "tau", "dtau_dp", "dtau_du", "energy_j", "t
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class TrueStates:
     """States as columns (n,), the first `grid` of them on the grid, the others scattered in the same box."""
 
     actuation: Array
@@ -41,28 +41,28 @@ class Truth:
     grid: int
 
 
-def truth(out: Path) -> Truth:
+def truth(out: Path) -> TrueStates:
     """Return the states, solved if `out` does not contain them yet."""
     return _stored(out / "reference_module_states.json", SHARES, LEVELS, CHECKS)
 
 
-def study_truth(out: Path) -> Truth:
+def study_truth(out: Path) -> TrueStates:
     """Return the truth on the study's box, u from 0 to the largest free angle: a separate grid and scattered states."""
     grid = _stored(out / "reference_module_study_states.json", STUDY_SHARES, STUDY_LEVELS, 0)
     whole = truth(out)
     scattered = np.arange(len(whole.tau)) >= whole.grid
     inside = scattered & (whole.angle_rad >= grid.box[1, 0]) & (whole.angle_rad <= grid.box[1, 1])
     columns = [np.concatenate([getattr(grid, name), getattr(whole, name)[inside]]) for name in COLUMNS]
-    return Truth(*columns, box=grid.box, grid=grid.grid)
+    return TrueStates(*columns, box=grid.box, grid=grid.grid)
 
 
-def _stored(path: Path, shares: tuple[float, float], levels: tuple[int, int], checks: int) -> Truth:
+def _stored(path: Path, shares: tuple[float, float], levels: tuple[int, int], checks: int) -> TrueStates:
     if not path.exists():
         path.parent.mkdir(exist_ok=True)
         path.write_text(json.dumps(_solve(shares, levels, checks)))
     stored = json.loads(path.read_text())
     columns = np.array(stored["states"]).T
-    return Truth(*columns, box=np.array(stored["box"]), grid=stored["grid"])
+    return TrueStates(*columns, box=np.array(stored["box"]), grid=stored["grid"])
 
 
 def _solve(shares: tuple[float, float], levels: tuple[int, int], count: int) -> dict[str, object]:

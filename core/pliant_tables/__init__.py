@@ -12,20 +12,20 @@ file, `Schema.matched` finds the columns under the names and units of any lab, `
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["Known", "Schema", "StatedNotes", "Table", "UserError", "open_sheet", "read", "read_columns"]
+__all__ = ["Known", "LabTable", "Schema", "StatedNotes", "UserError", "open_sheet", "read", "read_columns"]
 
 if TYPE_CHECKING:
     from pliant_tables.errors import UserError
     from pliant_tables.notes import StatedNotes
     from pliant_tables.opening import open_sheet
     from pliant_tables.schema import Known, Schema, read_columns
-    from pliant_tables.table import Table, read
+    from pliant_tables.table import LabTable, read
 
 _MODULES = {
     "StatedNotes": "notes",
     "UserError": "errors",
     "open_sheet": "opening",
-    "Table": "table",
+    "LabTable": "table",
     "read": "table",
 }
 

@@ -85,7 +85,7 @@ class Marks:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class CellBlock:
     """A block of rows: the cells of each column (an array if the source has numbers), and (n,) the line of each row.
 
     Attributes:

@@ -14,7 +14,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from pliant_tables.arrays import Array
-from pliant_tables.cells import Block, is_number
+from pliant_tables.cells import CellBlock, is_number
 from pliant_tables.dates import is_day, is_stamp
 from pliant_tables.errors import UserError, closest
 from pliant_tables.names import meanings
@@ -71,11 +71,11 @@ class FileColumn:
         """Return the unit of its numbers in the file, in Pliant's spelling; the SI unit for stamps and pictures."""
         return self.unit if self.in_unit in (STAMPS, FRAMES) else SPELLINGS.get(self.in_unit, self.in_unit)
 
-    def written_values(self, block: Block, place: int) -> Array:
+    def written_values(self, block: CellBlock, place: int) -> Array:
         """Return (n,) its numbers in a block as written; seconds from the first of time stamps."""
         return block.seconds(place, self.written) if self.stamped else block.numbers(place, self.written)
 
-    def values(self, block: Block, place: int) -> Array:
+    def values(self, block: CellBlock, place: int) -> Array:
         """Return (n,) its numbers in a block, SI."""
         return self.scale * self.written_values(block, place) + self.shift
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pliant_tables.arrays import Array
-from pliant_tables.cells import Block, Cells, Marks, Problems
+from pliant_tables.cells import CellBlock, Cells, Marks, Problems
 from pliant_tables.dates import StampClock
 from pliant_tables.errors import UserError
 
@@ -53,7 +53,7 @@ class Sheet(ABC):
         """Close the file."""
 
     @abstractmethod
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[CellBlock]:
         """Yield the rows after the header; raise `UserError` if the file is no text or has too many problems."""
 
     def lines(self) -> int:
@@ -92,7 +92,7 @@ class ColumnSheet(Sheet):
     batches: Iterator[Sequence[Cells | Array]] = field(default_factory=lambda: iter(()))
     first_line: int = 2
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[CellBlock]:
         """Yield the batches, divided into blocks."""
         line = self.first_line
         for columns in self.batches:
@@ -100,7 +100,7 @@ class ColumnSheet(Sheet):
             for start in range(0, count, ROWS):
                 part = tuple(column[start : start + ROWS] for column in columns)
                 lines = np.array(range(line + start, line + min(start + ROWS, count)), int)
-                yield Block(part, lines, self.problems, self.marks, self.clock)
+                yield CellBlock(part, lines, self.problems, self.marks, self.clock)
             line += count
 
 
@@ -110,14 +110,16 @@ class RowSheet(Sheet):
 
     rows: Sequence[tuple[int, Sequence[str]]] = ()
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[CellBlock]:
         """Yield all rows that are not blank."""
         there = [(line, row) for line, row in self.rows if any(row)]
         self.blank_rows += len(self.rows) - len(there)
         for start in range(0, len(there), ROWS):
             part = there[start : start + ROWS]
             columns = tuple(zip(*(row for _, row in part), strict=True))
-            yield Block(columns, np.array([line for line, _ in part]), self.problems, self.marks, self.clock)
+            yield CellBlock(
+                columns, np.array([line for line, _ in part]), self.problems, self.marks, self.clock
+            )
 
 
 @dataclass
@@ -152,7 +154,7 @@ class NumberedSheet(Sheet):
         """Return the approximate number of rows."""
         return 0 if self.inner is None else self.inner.lines()
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[CellBlock]:
         """Yield the rows with their numbers."""
         count = 0
         for block in self.inner.blocks() if self.inner is not None else ():

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pliant_tables.arrays import Array
-from pliant_tables.cells import Block, looks_numeric
+from pliant_tables.cells import CellBlock, looks_numeric
 from pliant_tables.notes import Notes
 from pliant_tables.opening import open_sheet
 from pliant_tables.schema import stamped
@@ -21,7 +21,7 @@ EXAMPLE = "time_s,pressure_kpa"  # a header, for messages
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class LabTable:
     """The rows of a table.
 
     Attributes:
@@ -50,7 +50,7 @@ class Table:
         return len(self.lines)
 
 
-def read(source: Path | str | Any, notes: Notes | None = None) -> Table:
+def read(source: Path | str | Any, notes: Notes | None = None) -> LabTable:
     """Read a table.
 
     Args:
@@ -75,7 +75,7 @@ def read(source: Path | str | Any, notes: Notes | None = None) -> Table:
         parts = [values[k] for _, values in blocks]
         whole = [cell for part in parts for cell in part]
         columns[name] = whole if kind == "text" else np.concatenate([np.zeros(0), *parts])
-    return Table(columns, _units(sheet, kinds), lines, sheet.preamble)
+    return LabTable(columns, _units(sheet, kinds), lines, sheet.preamble)
 
 
 def _kinds(sheet: Sheet) -> dict[str, str]:
@@ -89,7 +89,7 @@ def _kinds(sheet: Sheet) -> dict[str, str]:
     return kinds
 
 
-def _values(block: Block, place: int, name: str, kind: str) -> Any:
+def _values(block: CellBlock, place: int, name: str, kind: str) -> Any:
     if kind == "text":
         return [cell.strip() for cell in block.texts(place)]
     return block.seconds(place, name) if kind == "time" else block.numbers(place, name)

@@ -20,7 +20,7 @@ import numpy as np
 
 from pliant_tables.arrays import Array
 from pliant_tables.cells import (
-    Block,
+    CellBlock,
     Cells,
 )
 from pliant_tables.errors import UserError
@@ -51,7 +51,7 @@ class TextSheet(Sheet):
         with self.path.open("rb") as file:
             return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[CellBlock]:
         """Yield the rows after the header; raise `UserError` if the file is no text or has too many problems."""
         for first, lines in self._lines():
             # Most lines are rows by their first letter; a call for each takes a fifth of the reading time.
@@ -88,15 +88,15 @@ class TextSheet(Sheet):
         self.blank_rows += 1
         return False
 
-    def _parsed(self, texts: list[str], numbers: Array) -> Block:
+    def _parsed(self, texts: list[str], numbers: Array) -> CellBlock:
         width = len(self.header)
         if (plain := self._plain(texts, width)) is not None:
-            return Block(plain, numbers, self.problems, self.marks, self.clock)
+            return CellBlock(plain, numbers, self.problems, self.marks, self.clock)
         try:
             rows = list(csv_reader(texts, self.separator))
             columns = tuple(zip(*rows, strict=True))
             if len(rows) == len(texts) and len(columns) == width:
-                return Block(columns, numbers, self.problems, self.marks, self.clock)
+                return CellBlock(columns, numbers, self.problems, self.marks, self.clock)
         except (csv.Error, ValueError):
             pass  # some row is bad: find it row by row
         good, lines, k = [], [], 0
@@ -116,7 +116,7 @@ class TextSheet(Sheet):
                 hint = " (decimals need a point, not a comma)" if unquoted else ""
                 self.problems.add(number, f"{plural(len(cells), 'cell')}, but the header has {width}{hint}")
         columns = tuple(zip(*good, strict=True)) if good else ((),) * width
-        return Block(columns, np.array(lines, int), self.problems, self.marks, self.clock)
+        return CellBlock(columns, np.array(lines, int), self.problems, self.marks, self.clock)
 
     def _plain(self, texts: list[str], width: int) -> tuple[Cells, ...] | None:
         """Return the columns if nothing is quoted and every row is complete, without a list per row; else None."""

@@ -68,12 +68,12 @@ def test_steps_that_nobody_can_count_have_no_time_left() -> None:
 def test_the_bar_ends_with_what_was_fitted(kinds) -> None:
     said: list[tuple[str, int]] = []
 
-    class Bar:
+    class SilentBar:
         def __getattr__(self, name):
             return lambda value=1: said.append((name, value))
 
     class Progress:
-        begin = staticmethod(lambda title, total: said.append((title, total)) or Bar())
+        begin = staticmethod(lambda title, total: said.append((title, total)) or SilentBar())
 
     with bars.fitting_bar(Progress(), kinds) as bar:
         for name in ("nothing", "a", "b", "a + b", "nothing", "a"):

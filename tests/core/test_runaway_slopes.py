@@ -14,7 +14,7 @@ LIMITS = (np.array([-5.0, -5.0]), np.array([5.0, 5.0]))
 
 
 @dataclass(frozen=True)
-class Line:
+class LineProblem:
     """The model y = x₀ + x₁ t, whose second slope is reported `factor` times too large beyond x₁ = 1."""
 
     factor: float
@@ -31,12 +31,12 @@ class Line:
 
 
 def test_a_start_with_such_slopes_stays_where_it_is() -> None:
-    problem = Line(1e200)
+    problem = LineProblem(1e200)
     found, _ = descend(problem, problem.point(np.array([0.0, 2.0])), STEPS, LIMITS)
     np.testing.assert_array_equal(found.x, [0.0, 2.0])
 
 
 def test_other_starts_are_not_disturbed() -> None:
-    problem = Line(1e200)
+    problem = LineProblem(1e200)
     found, _ = descend(problem, problem.point(np.zeros(2)), STEPS, LIMITS)
     np.testing.assert_allclose(found.x, [2.0, 0.5], atol=1e-6)

@@ -102,13 +102,13 @@ def test_a_parameter_that_cannot_be_is_refused_where_it_is_declared(
 
 
 def test_a_parameter_has_its_type_unit() -> None:
-    class Declared(EffectConfig):
+    class DeclaredGap(EffectConfig):
         gap_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 2.0), plausible=(0.2, 0.8), description="a gap")
 
-    (one,) = Declared.fit_parameters()
+    (one,) = DeclaredGap.fit_parameters()
     assert (one.name, one.unit) == ("gap_rad", "rad")
-    assert Declared.model_validate({"kind": "any", "gap": "90 deg"}).gap_rad == pytest.approx(np.pi / 2)  # type: ignore[attr-defined]
-    assert Declared.model_json_schema()["properties"]["gap"]["description"] == "a gap"
+    assert DeclaredGap.model_validate({"kind": "any", "gap": "90 deg"}).gap_rad == pytest.approx(np.pi / 2)  # type: ignore[attr-defined]
+    assert DeclaredGap.model_json_schema()["properties"]["gap"]["description"] == "a gap"
     with pytest.raises(TypeError, match="unit 's' is not that of its type, 'rad'"):
 
         class Other(EffectConfig):

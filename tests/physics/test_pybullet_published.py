@@ -40,7 +40,7 @@ PRESSED = Inputs({"pressure_pa": PRESSURE_PA})
 
 
 @dataclass(frozen=True, eq=False)
-class Counting(LinearLaw):
+class CountingLaw(LinearLaw):
     """A law that records how many joints each call evaluates."""
 
     calls: list[int] = field(default_factory=list)
@@ -53,8 +53,8 @@ class Counting(LinearLaw):
 def test_steps_are_fixed_and_the_law_is_called_for_every_joint_and_axis_at_each() -> None:
     """Also where an explicit step of 1/2400 s cannot resolve the stiffness."""
     plain = linear_spherical_law()
-    soft = Counting(plain.gain, plain.stiffness, plain.domain, plain.joint, plain.axes)
-    stiff = Counting(np.array([8e-7]), np.array([[40.0]]), softening_law().domain)
+    soft = CountingLaw(plain.gain, plain.stiffness, plain.domain, plain.joint, plain.axes)
+    stiff = CountingLaw(np.array([8e-7]), np.array([[40.0]]), softening_law().domain)
     for law, modules, steps, each in ((soft, 4, 5, 4 * 3), (stiff, 1, 24, 1)):
         with PUBLISHED.build(sample_chain(law, modules=modules)) as simulation:
             simulation.apply(PRESSED)

@@ -77,12 +77,12 @@ def test_scores_equal_the_law_from_all_states() -> None:
 def test_slopes_are_blanked_and_check_states_never_fitted() -> None:
     seen = []
 
-    class Watched(Polynomial):
+    class WatchedPolynomial(Polynomial):
         def fit_module(self, module):  # type: ignore[no-untyped-def]
             seen.append(module)
             return super().fit_module(module)
 
-    curve = learning_curve(Watched(PolynomialConfig(kind="polynomial", max_degree=2)), data())
+    curve = learning_curve(WatchedPolynomial(PolynomialConfig(kind="polynomial", max_degree=2)), data())
     assert len(seen) == 2 * len(curve["sizes"])
     with_slopes, without = seen[: len(seen) // 2], seen[len(seen) // 2 :]
     assert all(np.isfinite(one.dtau_du).all() for one in with_slopes)

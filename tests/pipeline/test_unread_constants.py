@@ -25,7 +25,7 @@ task: {{kind: tip_load, pressure: 5 kPa}}
 """
 
 
-class Heard(Silent):
+class HeardNotes(Silent):
     """A progress that keeps its notes."""
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Heard(Silent):
 def run(folder: Path, data: Path, radius="2 mm", modulus="249 kPa"):
     path = folder / "s.yaml"
     path.write_text(STUDY.format(radius=radius, modulus=modulus, data=data), encoding="utf-8")
-    heard = Heard()
+    heard = HeardNotes()
     done = api.simulate(api.open_study(path, store=folder / "store", progress=heard))
     return done, heard.notes
 

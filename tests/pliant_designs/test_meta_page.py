@@ -168,13 +168,13 @@ def test_distant_designs_are_warned_about() -> None:
 def test_learning_over_designs_never_fits_what_it_scores() -> None:
     seen = []
 
-    class Watched(StandInMetaModel):
+    class WatchedMetaModel(StandInMetaModel):
         def fit(self, designs):  # type: ignore[no-untyped-def]
             seen.append({tuple(v) for v in designs.values})
             return super().fit(designs)
 
     designs = solved_designs((4, 4))
-    curve = design_learning(Watched(StandInMetaModelConfig()), designs, Silent())
+    curve = design_learning(WatchedMetaModel(StandInMetaModelConfig()), designs, Silent())
     tests = {tuple(designs.values[i]) for i in curve["test"]}
     assert len(tests) == 4 and all(not (one & tests) for one in seen)
     sizes = [len(one) for one in seen]

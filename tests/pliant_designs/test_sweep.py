@@ -36,7 +36,7 @@ def log(tmp_path, monkeypatch):
     return path
 
 
-class Watched(Silent):
+class WatchedSweep(Silent):
     """A progress that records its calls."""
 
     def __init__(self):
@@ -100,7 +100,7 @@ def test_what_cannot_be_had_is_a_record_with_its_cause(tmp_path):
 
 
 def test_what_every_design_would_say_is_said_once(tmp_path):
-    watched = Watched()
+    watched = WatchedSweep()
     flat = "material={kind: mooney_rivlin, c10: 200 kPa, c01: -80 kPa}"
     api.sweep(bench.opened(tmp_path, "{radius: [4 mm, 5 mm]}", flat, progress=watched), workers=1)
     assert len([note for note in watched.notes if "stable" in note]) == 1
@@ -169,7 +169,7 @@ def test_interrupted_within_a_design_it_goes_on_from_the_last_state(tmp_path, lo
     log.unlink()
     opened = bench.opened(tmp_path, GRID)
 
-    class Impatient(Watched):
+    class Impatient(WatchedSweep):
         def describe(self, text):
             super().describe(text)
             if sum(bench.solved(log).values()) == 13:
@@ -227,7 +227,7 @@ def test_threads_and_processes_agree_with_this_process_bit_for_bit_and_a_second_
     processes, others = tried(tmp_path, log, "processes", workers=2)
     assert bench.same(serial, processes) and str(os.getpid()) not in others
     log.unlink()
-    watched = Watched()
+    watched = WatchedSweep()
     second = api.sweep(bench.opened(tmp_path, GRID, store="serial", progress=watched), workers=2)
     assert bench.solved(log) == {} and all(outcome.cached for outcome in second.outcomes)
     assert (watched.first, watched.total) == (4, 4)

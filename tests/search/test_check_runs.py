@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from tests.search.found_stand_ins import found
-from tests.search.test_verification import RADIUS, Problem, springs
+from tests.search.test_verification import RADIUS, StudyProblem, springs
 
 from pliant.execution.executors import FuturesExecutor, InlineExecutor
 from pliant.pipeline import simulate
@@ -34,10 +34,10 @@ def never(*given):
 def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threads):
     (tmp_path / "alone").mkdir()
     opened, alone = springs(tmp_path, BOTH), springs(tmp_path / "alone", BOTH)
-    run_ahead(opened.context, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
-    expected = verify(alone.context, Problem(alone, CONDITIONS), found(RADIUS))
+    run_ahead(opened.context, StudyProblem(opened, CONDITIONS), [found(RADIUS)], threads)
+    expected = verify(alone.context, StudyProblem(alone, CONDITIONS), found(RADIUS))
     monkeypatch.setattr(simulate, "run_task", never)
-    check = verify(opened.context, Problem(opened, CONDITIONS), found(RADIUS))
+    check = verify(opened.context, StudyProblem(opened, CONDITIONS), found(RADIUS))
     assert set(check.verified) == {"quasistatic", "mujoco"}
     assert (check.predicted, check.conditions) == (expected.predicted, expected.conditions)
     assert check.notes == expected.notes == ()
@@ -46,7 +46,7 @@ def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threa
 @pytest.mark.slow
 def test_designs_in_several_conditions_are_run_ahead(tmp_path, monkeypatch, threads):
     opened = springs(tmp_path)
-    problem = Problem(opened, CONDITIONS)
+    problem = StudyProblem(opened, CONDITIONS)
     designs = [found({"family.radius": radius}, context=k) for k, radius in enumerate((4.7e-3, 5.1e-3))]
     run_ahead(opened.context, problem, designs, threads)
     monkeypatch.setattr(simulate, "run_task", never)
@@ -56,7 +56,7 @@ def test_designs_in_several_conditions_are_run_ahead(tmp_path, monkeypatch, thre
 
 def test_a_design_that_fem_does_not_solve_is_told_by_the_check(tmp_path, threads):
     opened = springs(tmp_path)
-    problem, design = Problem(opened, CONDITIONS), found({**RADIUS, "family.defect": "stuck"})
+    problem, design = StudyProblem(opened, CONDITIONS), found({**RADIUS, "family.defect": "stuck"})
     run_ahead(opened.context, problem, [design], threads)
     assert any(
         "Direct FEM of the design failed" in note for note in verify(opened.context, problem, design).notes
@@ -70,7 +70,7 @@ def test_one_process_and_a_single_run_are_left_to_the_check(
     opened = springs(tmp_path)
     monkeypatch.setattr(check_runs, "run_in", never)
     executor = InlineExecutor() if alone else threads
-    run_ahead(opened.context, Problem(opened, conditions), [found(RADIUS)], executor)
+    run_ahead(opened.context, StudyProblem(opened, conditions), [found(RADIUS)], executor)
     assert not (opened.context.store.root / "simulate").exists()
 
 
@@ -78,5 +78,5 @@ def test_short_runs_are_left_to_the_check(tmp_path, monkeypatch, threads):
     opened = springs(tmp_path)
     monkeypatch.setattr(check_runs, "WORTH_S", 1e6)
     monkeypatch.setattr(check_runs, "run", never)
-    run_ahead(opened.context, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
+    run_ahead(opened.context, StudyProblem(opened, CONDITIONS), [found(RADIUS)], threads)
     assert len([p for p in (opened.context.store.root / "simulate").iterdir() if p.is_dir()]) == 1

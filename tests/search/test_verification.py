@@ -25,7 +25,7 @@ RADIUS = {"family.radius": 4.7e-3}
 SEARCH = "search: {variables: {family.radius: {low: 4 mm, high: 5.5 mm}}, objective: tip_x, verify: VERIFY}\n"
 
 
-class Problem:
+class StudyProblem:
     """A problem that applies values of dotted keys, and conditions, to a study."""
 
     def __init__(self, opened, conditions=None):
@@ -52,7 +52,7 @@ def springs(folder, *changes, verify_block="{}", fem=SPRINGS):
 def checked(folder, *changes, values=RADIUS, **how):
     """Return the check of a design of these springs."""
     opened = springs(folder, *changes, **how)
-    return verify(opened.context, Problem(opened), found(values))
+    return verify(opened.context, StudyProblem(opened), found(values))
 
 
 def test_the_verified_metrics_equal_the_design_s_own_fem(tmp_path):
@@ -77,9 +77,9 @@ def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setenv("SPRINGS_LOG", str(tmp_path / "log"))
     opened = springs(tmp_path)
-    first = verify(opened.context, Problem(opened), found(RADIUS))
+    first = verify(opened.context, StudyProblem(opened), found(RADIUS))
     once = sum(solved(tmp_path / "log").values())
-    again = verify(opened.context, Problem(opened), found(RADIUS))
+    again = verify(opened.context, StudyProblem(opened), found(RADIUS))
     assert once > 0
     assert sum(solved(tmp_path / "log").values()) == once
     assert again.verified == first.verified
@@ -120,7 +120,7 @@ def test_every_distinct_design_is_solved_and_named_by_what_differs(tmp_path):
 
 def test_an_engine_that_cannot_is_a_note_and_the_others_answer(tmp_path):
     opened = springs(tmp_path, ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]"))
-    bench, problem = opened.context, Problem(opened)
+    bench, problem = opened.context, StudyProblem(opened)
     components = tuple(c for c in bench.registry.components if c.kind != "mujoco")
     broken = [
         dataclasses.replace(c, requires=("no_such_package",))
@@ -139,11 +139,11 @@ def test_an_engine_that_breaks_inside_compiled_code_is_a_note_and_ctrl_c_there_i
 
     monkeypatch.setattr(verification, "run_in", breaks)
     opened, cause = springs(tmp_path, verify_block="{fem: false}"), None
-    check = verify(opened.context, Problem(opened), found(RADIUS))
+    check = verify(opened.context, StudyProblem(opened), found(RADIUS))
     assert check.notes[0] == "quasistatic, with the laws of the search: SystemError: returned NULL"
     cause = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
-        verify(opened.context, Problem(opened), found(RADIUS))
+        verify(opened.context, StudyProblem(opened), found(RADIUS))
 
 
 def test_the_search_block_may_leave_fem_out(tmp_path):
@@ -202,7 +202,7 @@ def test_misses_by_a_law_that_is_off_by_a_known_share(tmp_path):
     (stages,) = build_study_laws(opened.context, direct[0])
     data = stages.fem.value
 
-    class Off:
+    class OffLaw:
         axes, domain = stages.law.law.axes, stages.law.law.domain
 
         def evaluate(self, p, u):
@@ -212,7 +212,7 @@ def test_misses_by_a_law_that_is_off_by_a_known_share(tmp_path):
         def band(self, p, u, level):
             return None
 
-    found_misses = law_errors(Off(), data, "off")
+    found_misses = law_errors(OffLaw(), data, "off")
     assert found_misses["rmse_of_largest"] == pytest.approx(0.01)
     assert found_misses["worst_of_largest"] == pytest.approx(0.01)
     assert found_misses["largest_effort"] == pytest.approx(np.abs(data.tau).max())
@@ -244,7 +244,7 @@ def test_the_published_bellow_law_against_its_own_fem(tmp_path):
     pytest.importorskip("mujoco")
     (tmp_path / "finger.yaml").write_text(FINGER)
     opened = api.open_study(tmp_path / "finger.yaml", store=tmp_path / "store")
-    check = verify(opened.context, Problem(opened), found({"chain.modules": 5}))
+    check = verify(opened.context, StudyProblem(opened), found({"chain.modules": 5}))
     assert "states a law" in check.notes[0]
     assert list(check.verified) == ["quasistatic", "mujoco"]
     one, other = (check.verified[engine]["tip_x_m"] for engine in check.verified)

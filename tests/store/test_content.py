@@ -11,19 +11,19 @@ from pliant.store.content import content_digest
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class StoredReading:
     name: str
     values: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Other:
+class OtherRecord:
     name: str
     values: np.ndarray
 
 
 def test_what_is_equal_has_one_digest() -> None:
-    one, same = (Reading("a", np.array([1.0, np.nan, 3.0])) for _ in range(2))
+    one, same = (StoredReading("a", np.array([1.0, np.nan, 3.0])) for _ in range(2))
     assert content_digest(one) == content_digest(same)
     assert content_digest({"a": 1, "b": (2, None)}) == content_digest({"b": [2, None], "a": 1})
     assert content_digest(np.arange(6).reshape(2, 3).T) == content_digest(np.arange(6).reshape(2, 3).T.copy())
@@ -40,8 +40,8 @@ def test_what_is_equal_has_one_digest() -> None:
         (np.zeros(4), np.zeros((2, 2))),
         (np.zeros(2), np.zeros(2, np.float32)),
         ({"a": 1}, {"b": 1}),
-        (Reading("a", np.zeros(1)), Other("a", np.zeros(1))),
-        (Reading("a", np.zeros(1)), Reading("a", np.array([1e-300]))),
+        (StoredReading("a", np.zeros(1)), OtherRecord("a", np.zeros(1))),
+        (StoredReading("a", np.zeros(1)), StoredReading("a", np.array([1e-300]))),
     ],
 )
 def test_what_differs_has_two(one: object, other: object) -> None:

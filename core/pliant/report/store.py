@@ -10,7 +10,7 @@ from typing import Any
 
 from pliant.formatting import number, plural, seconds
 from pliant.report.document import Column, Document, as_json, brief_table
-from pliant.store.inventory import Entry, entries
+from pliant.store.inventory import StoreEntry, entries
 
 UNKNOWN = "–"
 
@@ -72,7 +72,7 @@ def store_document(root: Path) -> Document:
     )
 
 
-def as_data(entry: Entry) -> dict[str, Any]:
+def as_data(entry: StoreEntry) -> dict[str, Any]:
     """Return an artifact as JSON values."""
     return {
         "stage": entry.stage,
@@ -84,7 +84,7 @@ def as_data(entry: Entry) -> dict[str, Any]:
     }
 
 
-def _by_study(by_stage: dict[str, list[Entry]]) -> Iterator[Kept]:
+def _by_study(by_stage: dict[str, list[StoreEntry]]) -> Iterator[Kept]:
     """Yield the rows by study; artifacts that several studies used are in a row of each."""
     names = {study for found in by_stage.values() for one in found for study in one.studies}
     for study in (*sorted(names), UNKNOWN):
@@ -94,7 +94,7 @@ def _by_study(by_stage: dict[str, list[Entry]]) -> Iterator[Kept]:
                 yield _kept(study, stage, own)
 
 
-def _kept(study: str, stage: str, found: Sequence[Entry]) -> Kept:
+def _kept(study: str, stage: str, found: Sequence[StoreEntry]) -> Kept:
     return Kept(
         study,
         stage,

@@ -24,7 +24,7 @@ from typing import Any
 from pliant import __version__
 from pliant.errors import UserError
 from pliant.regular_files import require_regular
-from pliant.store.inventory import Entry
+from pliant.store.inventory import StoreEntry
 from pliant.store.store import ARRAYS, MANIFEST, VALUE, CorruptedError, load_artifact, whole_file, writing_in
 from pliant.store.uses import Uses
 
@@ -58,7 +58,7 @@ class Imported:
     code: tuple[Path, ...]
 
 
-def write_archive(target: Path, name: str, study: Path, artifacts: Sequence[Entry]) -> None:
+def write_archive(target: Path, name: str, study: Path, artifacts: Sequence[StoreEntry]) -> None:
     """Write an archive of a self-contained study, the other files of its folder, and artifacts.
 
     Raises `UserError` where the target cannot be written.

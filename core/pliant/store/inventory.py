@@ -20,7 +20,7 @@ from pliant.store.uses import users
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoreEntry:
     """One finished artifact.
 
     Attributes:
@@ -41,7 +41,7 @@ class Entry:
     wall_s: float
 
 
-def entries(root: Path) -> list[Entry]:
+def entries(root: Path) -> list[StoreEntry]:
     """Return all finished artifacts, stage by stage, oldest first. Raises `UserError` where there is no store."""
     if not root.is_dir():
         raise UserError(f"there is no store at {root}; the first 'pliant run' makes one, or give --store.")
@@ -54,7 +54,7 @@ def _is_finished(folder: Path) -> bool:
     return "." not in folder.name  # .partial, .corrupted, .writing-…
 
 
-def _entry(folder: Path, used: dict[str, tuple[str, ...]]) -> Entry:
+def _entry(folder: Path, used: dict[str, tuple[str, ...]]) -> StoreEntry:
     files = [file for file in folder.rglob("*") if file.is_file()]
     try:
         manifest = json.loads((folder / MANIFEST).read_text())
@@ -63,10 +63,12 @@ def _entry(folder: Path, used: dict[str, tuple[str, ...]]) -> Entry:
         created, wall_s = "", math.nan
     stage, key = folder.parent.name, folder.name
     size = sum(file.stat().st_size for file in files)
-    return Entry(folder, stage, key, used.get(f"{stage}/{key}", ()), size, created, wall_s)
+    return StoreEntry(folder, stage, key, used.get(f"{stage}/{key}", ()), size, created, wall_s)
 
 
-def damaged(found: Sequence[Entry], tick: Callable[[], None] = lambda: None) -> Iterator[tuple[Entry, str]]:
+def damaged(
+    found: Sequence[StoreEntry], tick: Callable[[], None] = lambda: None
+) -> Iterator[tuple[StoreEntry, str]]:
     """Yield artifacts that do not match their checksums, each with the cause; `tick` is called for each one read."""
     for entry in found:
         try:
@@ -77,8 +79,8 @@ def damaged(found: Sequence[Entry], tick: Callable[[], None] = lambda: None) -> 
 
 
 def to_prune(
-    found: Sequence[Entry], older_s: float | None = None, most_bytes: int | None = None
-) -> list[Entry]:
+    found: Sequence[StoreEntry], older_s: float | None = None, most_bytes: int | None = None
+) -> list[StoreEntry]:
     """Return entries older than `older_s`, and the oldest ones beyond a total size of those that stay.
 
     Entries without a readable date count as the oldest.
@@ -96,7 +98,7 @@ def to_prune(
     return gone
 
 
-def _age_s(entry: Entry, now: float) -> float:
+def _age_s(entry: StoreEntry, now: float) -> float:
     try:
         made = datetime.fromisoformat(entry.created)
     except ValueError:
@@ -104,7 +106,7 @@ def _age_s(entry: Entry, now: float) -> float:
     return now - (made if made.tzinfo else made.replace(tzinfo=UTC)).timestamp()
 
 
-def prune(gone: Sequence[Entry]) -> list[Entry]:
+def prune(gone: Sequence[StoreEntry]) -> list[StoreEntry]:
     """Remove artifacts, each as a whole; those that another process is using stay.
 
     Returns the removed entries. Raises `UserError` where the store cannot be written.

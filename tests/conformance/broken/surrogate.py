@@ -45,7 +45,7 @@ class LineLaw(JointLaw):
         return LawRecord("small", values, {"terms": self.terms, **box})
 
 
-class Line(Surrogate):
+class LineSurrogate(Surrogate):
     """Least squares of c, g and k in the moments."""
 
     config: LineConfig
@@ -85,7 +85,7 @@ class Line(Surrogate):
         return LineLaw(a["terms"], box, axes=tuple(v["axes"]), actuation_name=v["actuation_name"])
 
 
-class Lawed(Line):
+class Lawed(LineSurrogate):
     """A fit whose law is another class."""
 
     law: type[LineLaw] = LineLaw
@@ -104,14 +104,14 @@ variants = Variants(
         "surrogate",
         "small",
         f"{__name__}:LineConfig",
-        f"{__name__}:Line",
+        f"{__name__}:LineSurrogate",
         "a linear law",
         {"stated_gain": 1e-6},
     )
 )
 
 
-broken, broken_law = variants.row_adder(Line), variants.row_adder(Lawed, "law")
+broken, broken_law = variants.row_adder(LineSurrogate), variants.row_adder(Lawed, "law")
 
 
 def _nan_outside(up: Any, self: Any, p: Array, u: Array) -> Effort:
