@@ -13,10 +13,10 @@ from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, NotReachedError, UserError
 from pliant.pipeline.workbench import RunContext
 from pliant.store.store import write_atomically
+from pliant_designs.fitted_model import MetaFitted
 from pliant_designs.learning import design_learning_stage
 from pliant_designs.next_design import check_count, designs_to_solve, write_proposals
 from pliant_designs.report.meta import meta_document, stored_meta_page
-from pliant_designs.report.meta_view import MetaFitted
 from pliant_designs.report.sweep import sweep_document
 from pliant_designs.stage import MetaModelStage, meta_model_stage
 from pliant_designs.sweep import sweep_study

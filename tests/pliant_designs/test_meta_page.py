@@ -25,20 +25,22 @@ from pliant_designs.cross_validation import (
     scores_by_place,
 )
 from pliant_designs.error_bars import Bars
+from pliant_designs.fitted_model import MetaFitted
 from pliant_designs.learning import design_learning
 from pliant_designs.next_design import Proposal
 from pliant_designs.records import SolvedDesigns
 from pliant_designs.report.meta import meta_sentence, meta_warnings
-from pliant_designs.report.meta_page import designs_chart, meta_drawn, parity_chart
-from pliant_designs.report.meta_view import (
+from pliant_designs.report.meta_page import (
     SCORES,
     WORTH,
-    MetaFitted,
     cost_table,
     coverage_table,
+    designs_chart,
     learning_table,
+    meta_drawn,
     next_table,
     parameter_unit,
+    parity_chart,
     score_rows,
     worst_table,
 )

@@ -18,7 +18,7 @@ from pliant.report.document import Document, Picture, drawn
 from pliant.report.law_charts import law_chart
 from pliant.report.pose_charts import pose_chart
 from pliant_search.records import SearchResult
-from pliant_search.report.course import front_chart, history_chart
+from pliant_search.report.charts import front_chart, history_chart
 from pliant_search.report.view import SearchView
 
 AXIS = ChartAxis("a")

@@ -14,21 +14,24 @@ from tests.slow import slow_among
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData, ModuleShape
 from pliant.records.law import Domain
-from pliant.report.fem import fem_document, fem_json, fem_lines, stated_error
+from pliant.report.fem import fem_document, fem_json, fem_lines, free_reach, stated_error
 from pliant.report.fem_page import (
+    DesignStates,
     cost_table,
     coupling_table,
     data_sections,
+    failed_place,
     failed_table,
+    foretold_axes,
     sampling_table,
     shape_section,
+    solved_rows,
     states_chart,
     states_table,
 )
-from pliant.report.fem_view import DesignStates, failed_place, foretold_axes, free_reach, solved_rows
 from pliant.report.figures import body
 from pliant.report.figures.module import can_show, free_title, has_stress, stress_caption, stretch_limits
-from pliant.report.fit_tables import axes_table
+from pliant.report.fit_page import axes_table
 from pliant.report.render import page
 from pliant.report.still import still
 from pliant_plugins.materials.neo_hookean import NeoHookeanConfig

@@ -15,6 +15,7 @@ from pliant.errors import UserError
 from pliant.fem_tables.writing import write_table
 from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
+from pliant.pipeline.reported_law import ReportedLaw, fitted_designs, fitted_law, least_stable, slope_grid
 from pliant.pipeline.residuals import as_module_data
 from pliant.pipeline.segments import DesignSpec, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
@@ -24,30 +25,25 @@ from pliant.records.law import Domain
 from pliant.registry.discovery import discover
 from pliant.report.document import page_table
 from pliant.report.fit import (
+    bar_section,
+    comparison_section,
     fit_document,
     fit_sentence,
     fit_warnings,
-    fitted_designs,
-    fitted_law,
     stored_fit_page,
 )
 from pliant.report.fit_page import (
-    bar_section,
-    comparison_section,
-    coverage_chart,
-    residual_chart,
-    slope_chart,
-)
-from pliant.report.fit_tables import (
     SURROGATES,
     axes_table,
     choice_table,
     cost_table,
+    coverage_chart,
     coverage_table,
     errors_table,
-    learning_table,
+    residual_chart,
+    slope_chart,
 )
-from pliant.report.fit_view import ReportedLaw, least_stable, slope_grid
+from pliant.report.learning_chart import learning_table
 from pliant.report.render import page
 from pliant.report.stage import write_page
 from pliant.report.still import still

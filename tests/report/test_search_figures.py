@@ -12,7 +12,18 @@ from tests.report import search_samples as samples
 from pliant.report.chart_json import as_script_data
 from pliant.report.still import still
 from pliant_search.records import SearchResult
-from pliant_search.report.axes import (
+from pliant_search.report.charts import (
+    branches_chart,
+    designs_chart,
+    front_chart,
+    history_chart,
+    moving_median,
+    robust_chart,
+    slopes_chart,
+    successes_chart,
+    verified_chart,
+)
+from pliant_search.report.variable_charts import (
     MOST_LINES,
     answer_chart,
     last_rows,
@@ -20,21 +31,7 @@ from pliant_search.report.axes import (
     policy_chart,
     thinned,
 )
-from pliant_search.report.best import (
-    designs_chart,
-    robust_chart,
-    slopes_chart,
-    successes_chart,
-    verified_chart,
-)
-from pliant_search.report.course import (
-    branches_chart,
-    front_chart,
-    history_chart,
-    moving_median,
-    shown_range,
-)
-from pliant_search.report.view import SearchView, log_suits, short_labels
+from pliant_search.report.view import SearchView, log_suits, short_labels, shown_range
 
 
 def read(result: SearchResult) -> SearchView:

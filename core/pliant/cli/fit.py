@@ -14,14 +14,14 @@ from pliant.cli.options import Overrides, verb
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
+from pliant.pipeline.reported_law import ReportedLaw, fitted_designs, fitted_law
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import DEFAULT_SURROGATE, build_study_laws, law_from_table
 from pliant.pipeline.workbench import RunContext
 from pliant.records.law import JointLaw
 from pliant.registry.blame import blamed_on
 from pliant.registry.function import package_function
-from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
-from pliant.report.fit_view import ReportedLaw
+from pliant.report.fit import laws_document, stored_fit_page, table_document
 from pliant.store.store import write_atomically
 
 # Endings of files that are read as tables; the reader reports a file that is no table.

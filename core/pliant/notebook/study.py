@@ -21,6 +21,7 @@ from pliant.formatting import displayed_in
 from pliant.measurements.written_units import units_as_written
 from pliant.notebook import frames
 from pliant.notebook.result import Result, Simulated
+from pliant.pipeline.reported_law import fitted_designs, fitted_law
 from pliant.pipeline.segments import DesignStages
 from pliant.pipeline.study import check_families, law_from_table, simulate_study, solve_study_fem
 from pliant.records.law import JointLaw
@@ -34,7 +35,7 @@ from pliant.report.document import Document
 from pliant.report.extension import cited, extension_document
 from pliant.report.extension import origin as extension_origin
 from pliant.report.fem import fem_document
-from pliant.report.fit import fitted_designs, fitted_law, laws_document, table_document
+from pliant.report.fit import laws_document, table_document
 from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
 from pliant.report.plan import design_document, plan_document

@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.formatting import percent, units_footer
+from pliant.formatting import actuation_unit, deformation_unit, fixed, percent, plural, units_footer
 from pliant.pipeline.answer_checks import answer_doubts
 from pliant.pipeline.workbench import RunContext
-from pliant.records.fem import PASSED, SELF_CONTACT, TOUCHING, ModuleData
-from pliant.report.document import Document, Drawn, answers, capital
-from pliant.report.fem_view import DesignStates, axis_record, data_warnings, free_reach, solved_rows
+from pliant.records.fem import PASSED, SELF_CONTACT, TOUCHING, TRUSTED, FemDataset, ModuleData
+from pliant.report.document import Document, Warned, answers, capital
+from pliant.report.fem_page import DesignStates, axis_record, failed_place, fem_drawn, solved_rows
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
 
 PAGE = "fem.html"  # the name leaves report.html in the same folder to `pliant run`
+LISTED = 12  # entries that a warning lists
 SENTENCES = 3  # number of designs in the page's first sentence
 TOLD_OF_AXIS = ("error", "stated_error", "reached", "check_error", "symmetric")
 
@@ -38,11 +39,6 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
     several = len(designs) > 1
     manifests = [a.manifest for a in artifacts]
 
-    def draw() -> Drawn:
-        from pliant.report.fem_page import fem_drawn  # matplotlib takes a second to import
-
-        return fem_drawn(written, designs, manifests)
-
     limits = tuple(w for d in designs for w in data_warnings(d.data, f"{d.name}: " if several else ""))
     return Document(
         kind="Pliant FEM data",
@@ -56,7 +52,7 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
         ),
         brief=(*fem_lines(artifacts), f"table    {', '.join(tables)}"),
         warnings=limits,
-        draw=draw,
+        draw=lambda: fem_drawn(written, designs, manifests),
         footer=units_footer(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
         version=made_by(manifests),
@@ -181,3 +177,60 @@ def _sentence(design: DesignStates, named: bool) -> str:
         parts.append(stated_error(record))
     text = "; ".join(parts) + "."
     return f"{design.name}: {text}" if named else capital(text)
+
+
+def free_reach(data: ModuleData) -> str:
+    """Return the range of the free branch, e.g. ``bends 23.1° at 15 kPa``; empty without one."""
+    if len(data.actuations) > 1:
+        turned = np.abs(data.deformation[data.branch == "free"]).max()
+        return f"bends {deformation_unit(data).text(float(turned), 3)} at most under these inputs alone"
+    main = data.axis(data.main_axis)
+    free = main.branch == "free"
+    if not free.any():
+        return ""
+    last = int(np.argmax(np.where(free, main.actuation, -np.inf)))
+    unit, given = deformation_unit(data), actuation_unit(data.actuation_name)
+    verb = "extends by" if data.joint == "prismatic" else "bends"
+    u = fixed(float(main.angle_rad[last]) * unit.factor, 2)
+    return f"{verb} {unit.attached(u)} at {given.text(float(main.actuation[last]))}"
+
+
+def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
+    """Return the limits of a data set: self-contact, untrusted states, states that failed."""
+    found = []
+    if contact := int(np.sum(data.status == SELF_CONTACT)):
+        tendon = data.actuation_name == "tendon_force_n"
+        touching = "links that would meet" if tendon else "touching walls"
+        found.append(
+            f"{contact} of {len(data)} states have {touching}, and this solver has no contact: the law's domain ends "
+            "where they meet, and beyond it these states are too soft."
+        )
+    if passed := int(np.sum(data.status == PASSED)):
+        found.append(
+            f"In {passed} of {len(data)} states walls pass through each other, as 'fem.self_contact: pass' "
+            "lets them: a real module is stiffer there."
+        )
+    if met := int(np.sum(data.status == TOUCHING)):
+        found.append(
+            f"In {met} of {len(data)} states walls touch and hold each other, without friction: the law bends "
+            "where they meet, which 'surrogate: {kind: table}' follows better than a polynomial."
+        )
+    other = ~np.isin(data.status, (*TRUSTED, SELF_CONTACT))
+    if other.any():
+        names = ", ".join(sorted(set(data.status[other].tolist())))
+        found.append(f"{int(other.sum())} states are not trusted ({names}).")
+    if isinstance(data, ModuleData) and isinstance(figures := data.sampling.get("checks"), Mapping):
+        found += answer_doubts(figures)
+    warned = [Warned(prefix + text) for text in found]
+    if count := len(data.failed):
+        items = tuple(
+            f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
+            for entry in data.failed[:LISTED]
+        )
+        warned.append(Warned(f"{prefix}{plural(count, 'state')} failed{truncation_note(count)}.", items))
+    return warned
+
+
+def truncation_note(count: int) -> str:
+    """Return the end of a sentence with a truncated list."""
+    return f" (the first {LISTED} are listed)" if count > LISTED else ""

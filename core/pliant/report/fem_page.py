@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from pliant.formatting import (
     seconds,
     slides,
 )
+from pliant.records.actuation import split_actuation_names
 from pliant.records.fem import PASSED, TOUCHING, TRUSTED, FemDataset, ModuleData
 from pliant.records.law import JointLaw
 from pliant.report.chart import Chart, ChartAxis, ChartBars, ChartLine, ChartNote, ChartRule, Mark, Panel
@@ -35,15 +36,6 @@ from pliant.report.document import (
     optional_table,
     section,
 )
-from pliant.report.fem_view import (
-    DesignStates,
-    axis_record,
-    explored_kinds,
-    failed_place,
-    foretold_axes,
-    solved_rows,
-)
-from pliant.report.figures.module import can_show, has_stress, module_shape, module_stress, stress_caption
 from pliant.report.law_charts import (
     ZERO,
     Groups,
@@ -54,13 +46,43 @@ from pliant.report.law_charts import (
     state_lines,
 )
 from pliant.report.provenance import Manifests, closing_sections
-from pliant.report.scenes.module import module_scene
 
 SHOWN = 6  # designs whose pictures are drawn
 IMAGES = {0: "the whole is solved", 1: "half is solved", 2: "a quarter is solved", 3: "an eighth is solved"}
 ROUNDED = 9  # decimals of a coordinate in rad or m above rounding
 FAILURES = 20  # failed states that are listed
 STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published study's loads"}
+
+
+@dataclass(frozen=True, eq=False)
+class DesignStates:
+    """The FEM data of a design, under its name; `backend` is the kind of the code that solved it."""
+
+    name: str
+    data: ModuleData
+    backend: str = ""
+
+
+def axis_record(data: ModuleData, axis: str) -> Mapping[str, Any]:
+    """Return the sampler's record of an axis; empty without one."""
+    axes = data.sampling.get("axes")
+    found = axes.get(axis, {}) if isinstance(axes, Mapping) else {}
+    return found if isinstance(found, Mapping) else {}
+
+
+def foretold_axes(data: ModuleData) -> list[str]:
+    """Return the axes whose states were chosen one by one."""
+    return [name for name in data.explored_axes() if axis_record(data, name).get("tests")]
+
+
+def solved_rows(data: ModuleData) -> NDArray[np.bool_]:
+    """Return (n,) states that were solved; copies by symmetry took no time."""
+    return np.asarray((data.wall_s > 0) | (data.iterations > 0))
+
+
+def explored_kinds(data: ModuleData) -> list[str]:
+    """Return the explored axes, the main one first, then "coupling" if several axes were prescribed together."""
+    return [*data.explored_axes(), *(["coupling"] if np.any(data.explored == "coupling") else [])]
 
 
 def fem_drawn(study: Mapping[str, Any], designs: Sequence[DesignStates], manifests: Manifests) -> Drawn:
@@ -81,6 +103,10 @@ def shape_section(designs: Sequence[tuple[str, FemDataset, JointLaw | None]]) ->
 
     `designs`: name, data, and fitted law of each.
     """
+    # matplotlib takes a second to import
+    from pliant.report.figures.module import can_show, has_stress, module_shape, module_stress, stress_caption
+    from pliant.report.scenes.module import module_scene
+
     pictures = []
     for n, (name, data, law) in enumerate([d for d in designs if can_show(d[1])][:SHOWN]):
         links = " The rigid links beside the flexure are not drawn."
@@ -102,8 +128,8 @@ def data_sections(designs: Sequence[DesignStates], remark: str = "") -> list[Sec
     if not designs:
         return []
     cut = f"Pictures of the first {SHOWN} of {len(designs)} designs. " if len(designs) > SHOWN else ""
-    made = [Section("The FEM data", note=(cut + remark).strip()), Section("How the states were chosen")]
-    made.append(Section("What the FEM cost"))
+    first = Section("The FEM data", note=(cut + remark).strip())
+    made = [first, Section("How the states were chosen"), Section("What the FEM cost")]
     for n, one in enumerate(designs):
         data, name = one.data, f"{one.name}: " if len(designs) > 1 else ""
         word = "forces in N, extensions in mm" if data.joint == "prismatic" else "moments of one module"
@@ -248,6 +274,22 @@ def cost_table(data: ModuleData, backend: str) -> Table:
     return named_values("Cost", values)
 
 
+def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> tuple[str, str]:
+    """Return where a state failed: its actuation, and its prescribed coordinates."""
+    value, angle = entry.get("actuation"), entry.get("angle_rad")
+    actuation = actuation_unit(split_actuation_names(data.actuation_name)[0])
+    where = actuation.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
+    if isinstance(value, list | tuple):
+        where = ", ".join(actuation.text(float(one)) for one in value)
+    u_unit, effort = deformation_unit(data), effort_unit(data)
+    held, load = entry.get("held"), entry.get("effort")
+    if isinstance(load, Mapping) and load:
+        return where, ", ".join(f"τ {axis} {effort.text(float(v), 3)}" for axis, v in load.items())
+    if isinstance(held, Mapping) and held:
+        return where, ", ".join(f"{axis} {u_unit.text(float(v), 3)}" for axis, v in held.items())
+    return where, u_unit.text(float(angle), 3) if isinstance(angle, int | float) else "free"
+
+
 def failed_table(data: ModuleData) -> Table | None:
     """Return the states that were not reached, with their causes."""
     shown, more = data.failed[:FAILURES], len(data.failed) - FAILURES
@@ -304,19 +346,15 @@ def _free_panel(data: ModuleData, scale: ColourScale) -> Panel:
             run, colour = p_unit.text(float(free.actuation[order][k]), 3), scale.to_hex(p[k : k + 1])[0]
             lines.append(ChartLine(name, p[k : k + 1], u[k : k + 1], run, colour, 0.0, 5.0, marker, check))
     y_axis = plain_coordinate(data, u_unit.symbol, data.main_axis if len(data.axes) > 1 else "")
-    return Panel(
-        actuation_axis(data), y_axis, tuple(lines), "Free branch: nothing holds the module", scale=scale
-    )
+    title = "Free branch: nothing holds the module"
+    return Panel(actuation_axis(data), y_axis, tuple(lines), title, scale=scale)
 
 
 def _held_panel(data: ModuleData, name: str, scale: ColourScale) -> Panel:
     """Return τ over u of one axis, with lines between states of one actuation, and failed states at the bottom."""
     one, several = data.axis(name), len(data.axes) > 1
-    p_unit, u_unit, effort = (
-        actuation_unit(data.actuation_name),
-        deformation_unit(data, name),
-        effort_unit(data, name),
-    )
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data, name)
+    effort = effort_unit(data, name)
     marks: list[Mark] = [ZERO, *state_lines(one, p_unit.text, scale, (u_unit.factor, effort.factor), 0.8)]
     lost = [f["angle_rad"] for f in one.failed if isinstance(f.get("angle_rad"), int | float)]
     if lost:
@@ -374,9 +412,7 @@ def _miss_panel(data: ModuleData, name: str) -> Panel:
     record: Any = axis_record(data, name)
     tests, wanted = record["tests"], 100 * float(record["error"])
     numbers, last = np.arange(1.0, len(tests) + 1), np.array([len(tests) + 0.6])
-    spread, misses = (
-        100 * np.maximum([t[key] for t in tests], SMALLEST_MISS) for key in ("deviation", "miss")
-    )
+    spread, misses = (100 * np.maximum([t[k] for t in tests], SMALLEST_MISS) for k in ("deviation", "miss"))
     deviation = "deviation of the process where it was largest"
     marks: list[Mark] = [
         ChartRule(wanted, SERIES[2], 1.4, text=f"wanted: {percent(wanted / 100)}"),
@@ -387,11 +423,8 @@ def _miss_panel(data: ModuleData, name: str) -> Panel:
         label = f"stated at the end: {percent(float(stated))}"
         marks.append(ChartLine(label, last, np.array([100 * float(stated)]), "", SERIES[1], 0.0, 7.0, "s"))
     if (check := record.get("check_error")) is not None:
-        label, y = (
-            f"largest error at check states: {percent(float(check))}",
-            100 * max(float(check), SMALLEST_MISS),
-        )
-        marks.append(ChartLine(label, last, np.array([y]), "", SERIES[3], 0.0, 7.0, "D", hollow=True))
+        label, y = f"largest error at check states: {percent(float(check))}", max(float(check), SMALLEST_MISS)
+        marks.append(ChartLine(label, last, np.array([100 * y]), "", SERIES[3], 0.0, 7.0, "D", hollow=True))
     x = ChartAxis("state chosen, in order", ends=(0.4, len(tests) + 0.95))
     title = f"Misses of each new state{f', axis {name}' if len(data.axes) > 1 else ''}"
     return Panel(x, ChartAxis("miss", "% of the effort's range", log=True), tuple(marks), title)
@@ -412,12 +445,6 @@ def cost_chart(data: ModuleData) -> Chart:
             at, top = place[explored == kind], heights[explored == kind]
             name, colour = words.get(kind, f"axis {kind}"), colours.get(kind, SOFT)
             marks.append(ChartBars(name, at, np.zeros(len(at)), top, "", colour, 0.8, upright=True))
-        panels.append(
-            Panel(
-                x,
-                ChartAxis(label, unit),
-                tuple(marks),
-                "" if panels else "Time and Newton steps of each state",
-            )
-        )
+        title = "" if panels else "Time and Newton steps of each state"
+        panels.append(Panel(x, ChartAxis(label, unit), tuple(marks), title))
     return Chart(tuple(panels), column=2, cell=(1560, 520))

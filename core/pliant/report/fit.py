@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pliant.errors import UserError
-from pliant.fem_tables.reading import holds_whole_states, read_module_table, read_table
 from pliant.formatting import (
     Unit,
     actuation_unit,
@@ -21,20 +20,47 @@ from pliant.formatting import (
     percent,
     units_footer,
 )
-from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
-from pliant.pipeline.learning import learning_stage
-from pliant.pipeline.residuals import as_module_data, as_scored, module_from_axes
+from pliant.mechanics.one_input import first_input_law
+from pliant.pipeline.reported_law import ReportedLaw, unstable_places
+from pliant.pipeline.run_folder import DesignResult, FinishedRun
 from pliant.pipeline.segments import DesignStages
-from pliant.pipeline.study import DEFAULT_SURROGATE
-from pliant.pipeline.surrogate import LawStage, study_law_beside
 from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
-from pliant.records.fem import ModuleData
-from pliant.report.document import Document, Drawn, Table, Warned, answers, as_json, brief_table, capital
-from pliant.report.fem_view import data_warnings
-from pliant.report.fit_tables import SURROGATES
-from pliant.report.fit_view import ReportedLaw, slope_unit, unstable_places
-from pliant.report.provenance import duration, made_by, stage_json
+from pliant.report.chart import ChartAxis
+from pliant.report.document import (
+    Document,
+    Drawn,
+    Picture,
+    Section,
+    Table,
+    Warned,
+    answers,
+    as_json,
+    brief_table,
+    capital,
+    drawn,
+    numbered,
+    page_table,
+    section,
+)
+from pliant.report.fem import data_warnings
+from pliant.report.fit_page import (
+    SURROGATES,
+    axes_table,
+    choice_table,
+    cost_table,
+    coverage_chart,
+    coverage_table,
+    errors_table,
+    residual_chart,
+    settings_table,
+    slope_chart,
+    slope_unit,
+    surrogates_chart,
+)
+from pliant.report.law_charts import law_chart, law_pictures
+from pliant.report.learning_chart import learning_chart, learning_table, state_curves
+from pliant.report.provenance import Manifests, closing_sections, duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.report.unseen_law import meta_law_json, meta_law_lines
 from pliant.units import split_unit
@@ -42,6 +68,7 @@ from pliant.units import split_unit
 PAGE = "fit.html"
 SHOWN = 4  # laws that are drawn in full
 LEVEL = 0.9
+MARK = 1e-4  # of the range: the mark in the learning curve
 UNSTABLE_LAW = (
     "the law is unstable (∂τ/∂u ≥ 0) somewhere in its domain, so a joint may snap. In a table from elsewhere, "
     "moment_n_m must be the external moment that opposes actuation (is the sign reversed?)."
@@ -69,11 +96,6 @@ def fit_document(
     several = len(fitted) > 1
     manifests = _manifests(fitted, compared)
 
-    def draw() -> Drawn:
-        from pliant.report.fit_page import fit_drawn  # matplotlib takes a second to import
-
-        return fit_drawn(fitted[:SHOWN], compared, study, manifests, several)
-
     limits = tuple(w for one in fitted for w in fit_warnings(one, several))
     return Document(
         kind="Pliant fit",
@@ -83,7 +105,7 @@ def fit_document(
         brief=tuple(brief),
         answers=_answers(fitted[0], limits),
         warnings=limits,
-        draw=draw,
+        draw=lambda: fit_drawn(fitted[:SHOWN], compared, study, manifests, several),
         footer=units_footer(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
         version=made_by(manifests),
@@ -150,92 +172,11 @@ def stored_fit_page(
         "pieces": len(fitted),
     }
     components = [context.component("surrogate", one.config) for one in every if one.config is not None]
-    return StoredPage(context, _manifests(fitted, compared), components, "pliant.report.fit_page", config)
+    return StoredPage(context, _manifests(fitted, compared), components, "pliant.report.fit", config)
 
 
 def _manifests(fitted: Sequence[ReportedLaw], compared: Sequence[ReportedLaw]) -> list[Mapping[str, Any]]:
     return [a.manifest for one in (*fitted, *compared) for a in one.artifacts]
-
-
-def fitted_law(
-    context: RunContext,
-    name: str,
-    config: SurrogateConfig,
-    stage: LawStage,
-    data: ModuleData | None = None,
-    *,
-    learning: bool = True,
-    source: str = "FEM",
-) -> ReportedLaw:
-    """Return a law with the data of its document; with `learning` the surrogate is also fitted to parts of the states.
-
-    Args:
-        context: plugins and store.
-        name: of the design, or of the surrogate where several are compared.
-        config: of the surrogate.
-        stage: the law.
-        data: whole states of the module; by default those of the law's stage.
-        learning: whether a learning curve is made.
-        source: origin of the states, in words.
-
-    Raises:
-        UserError: the law is stated by coefficients, so there is no fit to report.
-    """
-    surrogate: Surrogate = context.build("surrogate", config)
-    known = data is not None or stage.data is not None or bool(surrogate.tables())
-    if stage.report is None or stage.artifact is None or not known:
-        raise UserError(
-            f"the law of '{name}' is stated by its coefficients: there is no fit, so leave out --out, or let "
-            "'surrogate' fit FEM states or a table."
-        )
-    data = as_scored(_own_table_states(surrogate, stage) if data is None else data, stage.report)
-    curve = None
-    if learning and len(surrogate.tables()) <= 1 and len(data.actuations) == 1:
-        curve = learning_stage(context, config, data, {"law": stage.artifact.key})
-    details = stage.report.details
-    own = "study_form" in details or any(
-        "study_form" in axis for axis in dict(details.get("axes", {})).values()
-    )
-    return ReportedLaw(
-        name,
-        config.kind,
-        stage.law,
-        stage.report,
-        data,
-        float(stage.artifact.manifest["wall_s"]),
-        curve.value if curve is not None else None,
-        source,
-        None if own else study_law_beside(context, data),
-        config,
-        (stage.artifact,) if curve is None else (stage.artifact, curve),
-    )
-
-
-def fitted_designs(
-    context: RunContext, designs: Sequence[DesignStages], learning: bool = True
-) -> list[ReportedLaw]:
-    """Return the laws of a study's designs, named by number if there are several."""
-    found = []
-    for count, design in enumerate(designs, start=1):
-        name = "the design" if len(designs) == 1 else f"design {count}"
-        default = context.registry.get("surrogate", DEFAULT_SURROGATE)
-        config: Any = design.design.surrogate or default.config_model()(kind=DEFAULT_SURROGATE)
-        data = design.fem.value if design.fem is not None else None
-        source = "FEM" if design.fem is not None else "the table"
-        found.append(fitted_law(context, name, config, design.law, data, learning=learning, source=source))
-    return found
-
-
-def _own_table_states(surrogate: Surrogate, stage: LawStage) -> ModuleData:
-    """Return the states of the config's own tables: one of one axis or of several, or one for each axis."""
-    tables = surrogate.tables()
-    path = tables.get("")
-    if path is not None and holds_whole_states(path):
-        return read_module_table(path)
-    if tables and path is None:
-        return module_from_axes({axis: read_table(one, axis) for axis, one in tables.items()}, stage.law.axes)
-    assert stage.data is not None
-    return as_module_data(stage.data)
 
 
 def fit_sentence(fitted: ReportedLaw, named: bool = False) -> str:
@@ -374,3 +315,113 @@ def _left_out(fitted: ReportedLaw) -> list[str]:
     """Return the states that were left out, and the reason."""
     excluded = fitted.report.details.get("excluded") or {}
     return [f"left out {count} states: {reason}" for reason, count in excluded.items()]
+
+
+def fit_drawn(
+    fitted: Sequence[ReportedLaw],
+    compared: Sequence[ReportedLaw],
+    study: Mapping[str, Any],
+    manifests: Manifests,
+    several: bool,
+) -> Drawn:
+    """Return a page of the first law, then all of `fitted`, named if `several`, and those `compared` together."""
+    if len(fitted[0].law.actuations) > 1:  # pictures are over one actuation: the first, the others at zero
+        design = DesignResult(fitted[0].name, None, first_input_law(fitted[0].law), None, None)
+        plain = FinishedRun({}, {}, (), (), ())
+        caption = f"The law under {design.law.actuation_name} alone, the other inputs at zero."
+        return drawn(
+            Picture("fit_law", caption, law_chart(plain, design)), *closing_sections(study, manifests)
+        )
+    hero, *others = law_pictures(fitted[0])
+    sections = [section("The law about the other axes", *others), comparison_section(compared)]
+    for count, one in enumerate(fitted):
+        prefix = f"{one.name}: " if several else ""
+        own = section("the law", *law_pictures(one, count)) if count else None
+        every = (own, *law_sections(one, count))
+        sections += [replace(s, title=f"{prefix}{s.title}") for s in every if s is not None]
+    return drawn(hero, *sections, *closing_sections(study, manifests))
+
+
+def law_sections(fitted: ReportedLaw, count: int = 0) -> tuple[Section | None, ...]:
+    """Return all sections of one law: errors, their places, error bars, learning, slopes, cost."""
+    each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
+    errors = section(
+        "Errors, and what the fit chose",
+        errors_table(fitted),
+        axes_table(fitted.data, fitted.law, fitted.ranges),
+        *(choice_table(fitted, axis) for axis in each),
+        settings_table(fitted),
+    )
+    caption = (
+        "Each state by its error, a share of the range of its axis' effort, all panels on one logarithmic scale of "
+        "colours."
+    )
+    if fitted.study_misses:
+        caption += " Beside the law: the form of the published study, fitted to the same states."
+    places = Picture(numbered("fit_map", count), caption, residual_chart(fitted))
+    return (
+        errors,
+        section("Where the law misses", places, open=True),
+        bar_section(fitted, count),
+        _learning(fitted, count),
+        _slopes(fitted, count),
+        section("Cost", cost_table(fitted)),
+    )
+
+
+def bar_section(fitted: ReportedLaw, count: int = 0) -> Section | None:
+    """Return the section on the coverage of the error bars; None for a law without them."""
+    curves = fitted.coverage
+    if not curves:
+        return None
+    caption = (
+        "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
+        "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
+    )
+    shown = Picture(numbered("fit_bars", count), caption, coverage_chart(curves))
+    return section("Are the error bars honest?", shown, coverage_table(curves))
+
+
+def _learning(fitted: ReportedLaw, count: int = 0) -> Section | None:
+    """Return error against the number of states; None if not requested or if nothing could be fitted."""
+    learning = fitted.learning
+    if learning is None or not learning["points"]:
+        return None
+    caption = (
+        "The surrogate fitted again to nested subsets of the states, with exact slopes and with values alone, and "
+        f"scored on the same {learning['n_check']} check states."
+    )
+    curves = state_curves(learning)
+    error = ChartAxis("error on check states", "% of the effort's range", log=True)
+    made = learning_chart("Error by number of states", curves, "states fitted", error, MARK)
+    shown = Picture(numbered("fit_learning", count), caption, made)
+    return section("How many states it takes", shown, learning_table(learning))
+
+
+def _slopes(fitted: ReportedLaw, count: int = 0) -> Section | None:
+    """Return ∂τ/∂u over the box."""
+    several, largest = len(fitted.law.axes) > 1, fitted.least_stable
+    shown = slope_unit(fitted.law).text(largest, 3)
+    verdict = (
+        f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
+        if largest < 0
+        else f"UNSTABLE somewhere in the box: ∂τ/∂u reaches {shown}, and a joint may snap there."
+    )
+    if several:
+        verdict += " It is the largest eigenvalue of the symmetric part, over random places of the box."
+    caption = "∂τ/∂u over the law's box; the ring marks where the joint is softest."
+    caption += " Each axis with the others at zero." if several else ""
+    made = Picture(numbered("fit_slopes", count), caption, slope_chart(fitted))
+    return section("Slopes: where the joint is soft", made, text=verdict)
+
+
+def comparison_section(fitted: Sequence[ReportedLaw]) -> Section | None:
+    """Return several surrogates on the same states; None for one."""
+    if len(fitted) < 2:
+        return None
+    title = "Surrogates side by side"
+    caption = (
+        "The same states for all; shorter bars are better for errors and times, longer ones for evaluations."
+    )
+    made = Picture("fit_surrogates", caption, surrogates_chart(fitted))
+    return section(title, made, page_table(title, SURROGATES, fitted))

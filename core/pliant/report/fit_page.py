@@ -1,20 +1,28 @@
-"""The page of fitted laws: each law with its band, its errors and where they are, learning, slopes and cost."""
+"""Tables and charts of fitted laws: errors and where they are, what a fit chose, error bars, slopes, cost."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom
+import scipy  # scipy.stats takes half a second
 
-from pliant.formatting import actuation_unit, deformation_unit, number, percent
-from pliant.mechanics.one_input import first_input_law
+from pliant.formatting import (
+    Unit,
+    actuation_unit,
+    deformation_unit,
+    effort_unit,
+    number,
+    percent,
+    seconds,
+    slides,
+)
+from pliant.pipeline.reported_law import STUDY_FORMS, BandCoverage, ReportedLaw, slope_grid, unstable_places
 from pliant.pipeline.residuals import Residuals
-from pliant.pipeline.run_folder import DesignResult, FinishedRun
 from pliant.records.design import Array
-from pliant.records.law import FitReport
+from pliant.records.fem import ModuleData
+from pliant.records.law import JointLaw
 from pliant.report.chart import (
     Band,
     Chart,
@@ -36,164 +44,211 @@ from pliant.report.chart_colours import (
     SOFT,
     ColourScale,
 )
-from pliant.report.document import Drawn, Picture, Section, drawn, numbered, page_table, section
-from pliant.report.fit_tables import (
-    SURROGATES,
-    axes_table,
-    choice_table,
-    cost_table,
-    coverage_table,
-    errors_table,
-    learning_table,
-    settings_table,
+from pliant.report.document import Cells, Column, Table, named_values, optional_table
+from pliant.report.law_charts import actuation_axis, coordinate_axis
+from pliant.report.provenance import short_text, words
+
+PUBLISHED = 0.0826
+PUBLISHED_NOTE = (
+    "Published: worst error of the study's polynomial over its pressures, of the moment range, on its own FEM of the "
+    "bending bellow (Yao, Howard, Maiolino, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406); other data than here."
 )
-from pliant.report.fit_view import BandCoverage, ReportedLaw, slope_grid, slope_unit
-from pliant.report.law_charts import actuation_axis, coordinate_axis, law_chart
-from pliant.report.learning_chart import learning_chart, state_curves
-from pliant.report.provenance import Manifests, closing_sections
-
-MARK = 1e-4  # of the range: the mark in the learning curve
-
-
-def fit_drawn(
-    fitted: Sequence[ReportedLaw],
-    compared: Sequence[ReportedLaw],
-    study: Mapping[str, Any],
-    manifests: Manifests,
-    several: bool,
-) -> Drawn:
-    """Return a page of the first law, then all of `fitted`, named if `several`, and those `compared` together."""
-    if len(fitted[0].law.actuations) > 1:  # pictures are over one actuation: the first, the others at zero
-        design = DesignResult(fitted[0].name, None, first_input_law(fitted[0].law), None, None)
-        plain = FinishedRun({}, {}, (), (), ())
-        caption = f"The law under {design.law.actuation_name} alone, the other inputs at zero."
-        return drawn(
-            Picture("fit_law", caption, law_chart(plain, design)), *closing_sections(study, manifests)
-        )
-    hero, *others = law_pictures(fitted[0])
-    sections = [section("The law about the other axes", *others), comparison_section(compared)]
-    for count, one in enumerate(fitted):
-        prefix = f"{one.name}: " if several else ""
-        own = section("the law", *law_pictures(one, count)) if count else None
-        every = (own, *law_sections(one, count))
-        sections += [replace(s, title=f"{prefix}{s.title}") for s in every if s is not None]
-    return drawn(hero, *sections, *closing_sections(study, manifests))
+# Details with separate tables or pictures, or too long for a cell.
+TOLD = {
+    "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", "error_bar",
+    *STUDY_FORMS,
+}  # fmt: skip
 
 
-def law_pictures(fitted: ReportedLaw, count: int = 0) -> list[Picture]:
-    """Return the law with its band and states, one picture for each axis."""
-    pictures = []
-    for k, axis in enumerate(fitted.explored):
-        form = {key: value for key, value in fitted.axis_details(axis).items() if key == "study_form"}
-        scale = float(fitted.misses.ranges[fitted.law.axes.index(axis)])
-        report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
-        design = DesignResult(fitted.name, fitted.data.axis(axis), fitted.law, report, fitted.data)
-        name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", count)
-        plain = FinishedRun({}, {}, (), (), ())
-        pictures.append(Picture(name, _law_caption(fitted, axis), law_chart(plain, design)))
-    return pictures
+def errors_table(fitted: ReportedLaw) -> Table:
+    """Return the errors of the law, of the published forms on the same states, and the published value."""
+    effort, report = effort_unit(fitted.law), fitted.report
+    rows: list[Cells] = [
+        [
+            f"{fitted.kind} ({report.n_fitted} states fitted)",
+            str(report.n_heldout),
+            *score_cells(vars(report), effort),
+        ]
+    ]
+    for key, title in STUDY_FORMS.items():
+        forms = fitted.study_forms(key)
+        for axis, form in forms.items():
+            label = f"{title}, axis {axis}" if len(fitted.explored) > 1 else title
+            held_out = fitted.axis_details(axis).get("n_heldout", report.n_heldout)
+            rows.append([label, str(held_out), *score_cells(form, effort)])
+    if not any(fitted.study_forms(key) for key in STUDY_FORMS):
+        rows += [_beside(title, missed, effort) for title, missed in fitted.study_misses.items()]
+    for axis in fitted.explored:
+        for key, title in STUDY_FORMS.items():
+            told = fitted.axis_details(axis).get(key)
+            if isinstance(told, Mapping) and "problem" in told:
+                rows.append([f"{title}: {told['problem']}", *["–"] * 5])
+    note = f"States left out: {report.details['held_out']}." if "held_out" in report.details else ""
+    if fitted.law.joint == "revolute" and fitted.law.actuation_name == "pressure_pa":
+        rows.append(["published study, its own data", "–", "–", "–", percent(PUBLISHED, 3), "–"])
+        note = f"{note} {PUBLISHED_NOTE}".strip()
+    head = ["law", "states left out", *score_heads(effort)]
+    return Table("Errors on states that the law has not seen", head, rows, note)
 
 
-def _law_caption(fitted: ReportedLaw, axis: str) -> str:
-    about = f"Axis {axis}, the others at zero on the curves. " if len(fitted.law.axes) > 1 else ""
-    band = (
-        "Shaded: the band that holds a state with a probability of 90 %, often thinner than the line; the same band "
-        "stands as bars at the states left out. "
-        if fitted.law.states_error
-        else "This law states no error bar. "
-    )
-    form = fitted.axis_details(axis).get("study_form")
-    below = " Below: the published form on the same states." if form else ""
-    what = "force" if fitted.law.joint == "prismatic" else "moment"
-    return (
-        f"{about}τ is the external {what} that opposes actuation. {band}Right: law minus state; filled = fitted, open "
-        f"= left out.{below}"
-    )
-
-
-def law_sections(fitted: ReportedLaw, count: int = 0) -> tuple[Section | None, ...]:
-    """Return all sections of one law: errors, their places, error bars, learning, slopes, cost."""
-    each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
-    errors = section(
-        "Errors, and what the fit chose",
-        errors_table(fitted),
-        axes_table(fitted.data, fitted.law, fitted.ranges),
-        *(choice_table(fitted, axis) for axis in each),
-        settings_table(fitted),
-    )
-    caption = (
-        "Each state by its error, a share of the range of its axis' effort, all panels on one logarithmic scale of "
-        "colours."
-    )
-    if fitted.study_misses:
-        caption += " Beside the law: the form of the published study, fitted to the same states."
-    places = Picture(numbered("fit_map", count), caption, residual_chart(fitted))
-    return (
-        errors,
-        section("Where the law misses", places, open=True),
-        bar_section(fitted, count),
-        _learning(fitted, count),
-        _slopes(fitted, count),
-        section("Cost", cost_table(fitted)),
-    )
-
-
-def bar_section(fitted: ReportedLaw, count: int = 0) -> Section | None:
-    """Return the section on the coverage of the error bars; None for a law without them."""
-    curves = fitted.coverage
-    if not curves:
+def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> Table | None:
+    """Return errors of τ by axis at trusted states; None for one axis. `ranges` (k,) replace those of the data."""
+    if len(law.axes) == 1:
         return None
-    caption = (
-        "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
-        "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
+    effort, missed = effort_unit(law), Residuals.from_law(data, law, ranges=ranges)
+    rows: list[Cells] = []
+    for together in (False, True):
+        for k, axis in enumerate(law.axes):
+            part = missed.rows((missed.axis == k) & (missed.together == together))
+            if len(part.state):
+                rows.append([f"all held: {axis}" if together else axis, *_by_role(part, effort)])
+    whole = Residuals.from_law(data, law, every=True, ranges=ranges)
+    rows.append(["every axis in every state", *_by_role(whole, effort)])
+    head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
+    note = (
+        "Of the range of each axis' effort in its own states. 'All held': states that hold all axes at once, which "
+        "tell how well the law knows their coupling. Last row: also efforts of axes that a state lets follow freely."
     )
-    shown = Picture(numbered("fit_bars", count), caption, coverage_chart(curves))
-    return section("Are the error bars honest?", shown, coverage_table(curves))
+    return Table("Errors by axis", [*head, f"worst ({effort.symbol})"], rows, note)
 
 
-def _learning(fitted: ReportedLaw, count: int = 0) -> Section | None:
-    """Return error against the number of states; None if not requested or if nothing could be fitted."""
-    learning = fitted.learning
-    if learning is None or not learning["points"]:
+def choice_table(fitted: ReportedLaw, axis: str) -> Table | None:
+    """Return the candidates of a cross-validation of one axis; None if the surrogate has none."""
+    details = fitted.axis_details(axis) or fitted.report.details
+    found = details.get("cross_validation")
+    if not isinstance(found, Sequence) or not found or not isinstance(found[0], Mapping):
         return None
-    caption = (
-        "The surrogate fitted again to nested subsets of the states, with exact slopes and with values alone, and "
-        f"scored on the same {learning['n_check']} check states."
+    names = [name for name in found[0] if name != "chosen"]
+    rows = [
+        [_cell(name, one.get(name)) for name in names] + ["chosen" if one.get("chosen") else ""]
+        for one in found
+    ]
+    title = "What the fit chose from" + (f", axis {axis}" if len(fitted.explored) > 1 else "")
+    note = "Errors of states left out in turn, as shares of the effort's range."
+    return Table(title, [*(words(name) for name in names), ""], rows, note, numeric=0)
+
+
+def settings_table(fitted: ReportedLaw) -> Table | None:
+    """Return every other detail of the fit that is one word or number."""
+    values: dict[str, str] = {}
+    for axis in fitted.explored if isinstance(fitted.report.details.get("axes"), Mapping) else ("",):
+        details = fitted.axis_details(axis) if axis else fitted.report.details
+        for name, value in details.items():
+            if name not in TOLD and not name.startswith("n_") and name not in vars(fitted.report):
+                values[f"{axis}: {words(name)}" if axis else words(name)] = short_text(value)
+    return named_values("What the fit tells", values) if any(values.values()) else None
+
+
+def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:
+    """Return covered shares by level; None without bars."""
+    rows = [
+        [
+            curve.label,
+            str(curve.n),
+            *(percent(float(c), 3) for c in curve.covered),
+            percent(float(np.median(curve.half_width))),
+        ]
+        for curve in curves
+    ]
+    levels = [f"in {100 * level:.0f} %" for one in curves[:1] for level in one.levels]
+    head = ["", "states", *levels, "median half-width at 90 %"]
+    note = "Share of the states left out that lie inside the band of each stated level; widths of the effort's range."
+    return optional_table("What the error bars hold", head, rows, note)
+
+
+def cost_table(fitted: ReportedLaw) -> Table:
+    """Return the cost of the law and of an evaluation."""
+    each = fitted.fem_s / max(fitted.solved, 1)
+    ratio = number(float(f"{each * fitted.per_second:.2g}"))
+    values = {
+        "states": f"{len(fitted.data)}, {fitted.solved} of them solved, from {fitted.source}",
+        "solver, all states": f"{seconds(fitted.fem_s)} ({seconds(each)} a state)" if each else None,
+        "fit": seconds(fitted.wall_s),
+        "evaluations with slopes": f"{number(fitted.per_second / 1e6, 3)} million a second",
+        "one FEM state costs as much as": f"{ratio} evaluations" if each else None,
+    }
+    note = (
+        "Evaluations in batches of 20 000, measured in one process on this machine when this page was made."
     )
-    curves = state_curves(learning)
-    error = ChartAxis("error on check states", "% of the effort's range", log=True)
-    made = learning_chart("Error by number of states", curves, "states fitted", error, MARK)
-    shown = Picture(numbered("fit_learning", count), caption, made)
-    return section("How many states it takes", shown, learning_table(learning))
+    return named_values("Cost", values, note)
 
 
-def _slopes(fitted: ReportedLaw, count: int = 0) -> Section | None:
-    """Return ∂τ/∂u over the box."""
-    several, largest = len(fitted.law.axes) > 1, fitted.least_stable
-    shown = slope_unit(fitted.law).text(largest, 3)
-    verdict = (
-        f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
-        if largest < 0
-        else f"UNSTABLE somewhere in the box: ∂τ/∂u reaches {shown}, and a joint may snap there."
-    )
-    if several:
-        verdict += " It is the largest eigenvalue of the symmetric part, over random places of the box."
-    caption = "∂τ/∂u over the law's box; the ring marks where the joint is softest."
-    caption += " Each axis with the others at zero." if several else ""
-    made = Picture(numbered("fit_slopes", count), caption, slope_chart(fitted))
-    return section("Slopes: where the joint is soft", made, text=verdict)
+SURROGATES: tuple[Column[ReportedLaw], ...] = (
+    Column("name", "", head="surrogate", brief="kind"),
+    Column("report.n_fitted", "", head="fitted"),
+    Column("report.n_heldout", "", head="left out"),
+    Column("report.worst_of_range", head="worst, of range", brief="worst", show=percent),
+    Column(
+        lambda f: f.report.rmse / f.report.effort_range,
+        "rmse_of_range",
+        "RMSE, of range",
+        "rmse",
+        show=percent,
+    ),
+    Column("report.worst", "", head="worst", text=lambda f: effort_unit(f.law).text(f.report.worst, 3)),
+    Column("report.rmse", "", head="RMSE", text=lambda f: effort_unit(f.law).text(f.report.rmse, 3)),
+    Column("report.r2", head="R²", brief="R²", show=lambda r2: r2_text(r2)),
+    Column(
+        lambda f: f.coverage[0].at(0.9) if f.coverage else None,
+        "covered",
+        "in its 90 % band",
+        "in band",
+        show=lambda covered: percent(covered, 3),
+    ),
+    Column(lambda f: not unstable_places(f.law), "stable", brief="stable", show=number),
+    Column("wall_s", head="fit", brief="fit", show=seconds),
+    Column("per_second", "", head="million evaluations a second", show=lambda rate: number(rate / 1e6, 3)),
+)
 
 
-def comparison_section(fitted: Sequence[ReportedLaw]) -> Section | None:
-    """Return several surrogates on the same states; None for one."""
-    if len(fitted) < 2:
-        return None
-    title, caption = (
-        "Surrogates side by side",
-        "The same states for all; shorter bars are better for errors and times, longer ones for evaluations.",
-    )
-    made = Picture("fit_surrogates", caption, surrogates_chart(fitted))
-    return section(title, made, page_table(title, SURROGATES, fitted))
+def _by_role(part: Residuals, effort: Unit) -> list[str]:
+    fit, left = part.rows(~part.check), part.rows(part.check)
+
+    def said(group: Residuals, value: float) -> str:
+        return f"{percent(value)} ({len(group.state)})" if len(group.state) else "–"
+
+    return [
+        said(fit, fit.worst),
+        said(left, left.rms),
+        said(left, left.worst),
+        number(float(np.abs(part.miss).max()) * effort.factor, 3),
+    ]
+
+
+def _beside(title: str, missed: Residuals, effort: Unit) -> Cells:
+    """Return a row of the published form if the law's own report has none: scored here, on the same states."""
+    part = missed.rows(missed.check)
+    rmse, worst = float(np.sqrt(np.mean(part.miss**2))), float(np.abs(part.miss).max(initial=0.0))
+    values = {"rmse": rmse, "worst": worst, "worst_of_range": part.worst}
+    return [title, str(len(np.unique(part.state))), *score_cells(values, effort)]
+
+
+def score_heads(effort: Unit) -> list[str]:
+    """Return the headings of `score_cells`."""
+    return [f"RMSE ({effort.symbol})", f"worst ({effort.symbol})", "worst, of effort range", "R²"]
+
+
+def score_cells(scores: Mapping[str, Any], effort: Unit) -> list[str]:
+    """Return the errors of a law, from its report or from that of a published form."""
+    return [
+        number(scores["rmse"] * effort.factor, 3),
+        number(scores["worst"] * effort.factor, 3),
+        percent(scores["worst_of_range"], 3),
+        r2_text(float(scores.get("r2", float("nan")))),
+    ]
+
+
+def r2_text(r2: float) -> str:
+    """Return R² with seven decimals; one state, or states of one torque, have none."""
+    return f"{r2:.7f}" if np.isfinite(r2) else "–"
+
+
+def _cell(name: str, value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return percent(value) if name.endswith(("of_range", "standard_error")) else number(value, 3)
+    return number(value) if isinstance(value, int) or value is None else str(value)
 
 
 LOWEST = 1e-8  # share of the range below which errors are rounding
@@ -263,7 +318,7 @@ def coverage_chart(curves: Sequence[BandCoverage], what: str = "states left out"
 
 def _coverage_panel(curves: Sequence[BandCoverage], what: str) -> Panel:
     n, stated = curves[0].n, np.linspace(0.4, 0.9999, 3000)
-    low, high = (100 * count / n for count in binom.interval(CHANCE, n, stated))
+    low, high = (100 * count / n for count in scipy.stats.binom.interval(CHANCE, n, stated))
     diagonal = np.array([40.0, 100.0])
     chance = f"where chance puts 90 % of honest bars ({n})"
     marks: list[Mark] = [
@@ -371,3 +426,9 @@ def surrogates_chart(fitted: Sequence[ReportedLaw]) -> Chart:
         ends = (low, float(values.max() * (values.max() / low) ** 0.25))
         panels.append(Panel(ChartAxis(label, unit, ends=ends, log=True), names, tuple(marks), title))
     return Chart(tuple(panels), cell=(520, 170 + 70 * len(fitted)), legend=())
+
+
+def slope_unit(law: JointLaw, axis: str = "") -> Unit:
+    """Return the display unit of ∂τ/∂u: that of the effort per SI unit of u."""
+    effort = effort_unit(law, axis)
+    return Unit(f"{effort.symbol}/{'m' if slides(law, axis) else 'rad'}", effort.factor)

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent, slides
+from pliant.pipeline.reported_law import ReportedLaw, study_form_effort
 from pliant.pipeline.run_folder import DesignResult, FinishedRun
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, FemDataset, ModuleData
-from pliant.records.law import JointLaw
+from pliant.records.law import FitReport, JointLaw
 from pliant.report.chart import (
     Band,
     Chart,
@@ -28,13 +29,13 @@ from pliant.report.chart import (
     strokes,
 )
 from pliant.report.chart_colours import LEVEL_COLOURS, SERIES, SOFT, WARN, ColourScale
+from pliant.report.document import Picture, numbered
 from pliant.report.run_view import (
     actuation,
     main_axis,
     plotted_band,
     plotted_effort,
     study_form,
-    study_form_effort,
 )
 
 CURVES = 7  # levels that are drawn if the data have more
@@ -70,6 +71,37 @@ def law_chart(run: FinishedRun, design: DesignResult) -> Chart:
         panels += [_missed_panel(design, of_form=True)] if study_form(design) else []
     widths = (1.25, *[1.0] * (len(panels) - 1))
     return Chart(tuple(panels), cell=(1000 if len(panels) == 1 else 1760 // len(panels), 660), widths=widths)
+
+
+def law_pictures(fitted: ReportedLaw, count: int = 0) -> list[Picture]:
+    """Return the law with its band and states, one picture for each axis."""
+    pictures = []
+    for k, axis in enumerate(fitted.explored):
+        form = {key: value for key, value in fitted.axis_details(axis).items() if key == "study_form"}
+        scale = float(fitted.misses.ranges[fitted.law.axes.index(axis)])
+        report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
+        design = DesignResult(fitted.name, fitted.data.axis(axis), fitted.law, report, fitted.data)
+        name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", count)
+        plain = FinishedRun({}, {}, (), (), ())
+        pictures.append(Picture(name, _law_caption(fitted, axis), law_chart(plain, design)))
+    return pictures
+
+
+def _law_caption(fitted: ReportedLaw, axis: str) -> str:
+    about = f"Axis {axis}, the others at zero on the curves. " if len(fitted.law.axes) > 1 else ""
+    band = (
+        "Shaded: the band that holds a state with a probability of 90 %, often thinner than the line; the same band "
+        "stands as bars at the states left out. "
+        if fitted.law.states_error
+        else "This law states no error bar. "
+    )
+    form = fitted.axis_details(axis).get("study_form")
+    below = " Below: the published form on the same states." if form else ""
+    what = "force" if fitted.law.joint == "prismatic" else "moment"
+    return (
+        f"{about}τ is the external {what} that opposes actuation. {band}Right: law minus state; filled = fitted, open "
+        f"= left out.{below}"
+    )
 
 
 def law_panel(run: FinishedRun, design: DesignResult) -> Panel:

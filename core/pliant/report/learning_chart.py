@@ -1,4 +1,4 @@
-"""Curves of error against the number of states or of designs that a model was fitted to."""
+"""Error against the number of states or of designs that a model was fitted to: curves, and the table of states."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import percent
+from pliant.pipeline.learning import states_needed
 from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, ChartRule, Mark, Panel
 from pliant.report.chart_colours import SERIES
+from pliant.report.document import Cells, Table
 
 SMALLEST = 1e-8
+MARKS = (1e-3, 1e-4, 1e-5)  # shares of the range, for which the table states the number of states
 
 
 @dataclass(frozen=True)
@@ -55,3 +58,35 @@ def learning_chart(
         marks.append(ChartLine(curve.label, n, middle, "", colour, 1.6, 5.5, marker, dashed, dashed))
     panel = Panel(ChartAxis(counted, log=True), error, tuple(marks), title)
     return Chart((panel,), cell=(1000, 580))
+
+
+def learning_table(learning: Mapping[str, Any]) -> Table:
+    """Return errors by number of states, and the number of states that an error needs."""
+    names = list(dict.fromkeys(p["slopes"] for p in learning["points"]))
+    sizes = sorted({p["n"] for p in learning["points"]})
+    rows: list[Cells] = []
+    for n in sizes:
+        cells = [str(n)]
+        for name in names:
+            found = [p for p in learning["points"] if p["slopes"] == name and p["n"] == n]
+            for score in ("rms", "worst"):
+                cells.append(percent(float(np.median([p[score] for p in found]))) if found else "–")
+        rows.append(cells)
+    for mark in MARKS:
+        cells = [f"states for {percent(mark)}"]
+        for name in names:
+            for score in ("rms", "worst"):
+                needed = states_needed(learning, mark, name, score)
+                cells.append("not reached" if needed is None else str(needed))
+        rows.append(cells)
+    head = ["states", *(f"{name}, {score}" for name in names for score in ("RMS", "worst"))]
+    note = (
+        f"Shares of the effort's range at {learning['n_check']} check states. Subsets are nested: corners of the box "
+        "first, then the state farthest from those before it; with several axes each gets one in turn."
+    )
+    if untrusted := learning.get("untrusted"):
+        note += f" {untrusted} states that are not trusted (self-contact) take no part."
+    impossible = sorted({p["n"] for p in learning["left_out"]})
+    if impossible:
+        note += f" Too few to fit: {', '.join(map(str, impossible))} ({learning['left_out'][0]['cause']})."
+    return Table("Error by number of states", head, rows, note)

@@ -28,8 +28,7 @@ from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.report.document import Document, Drawn, Warned, answers, capital
-from pliant.report.fem import fem_json, fem_lines
-from pliant.report.fem_view import LISTED, data_warnings, truncation_note
+from pliant.report.fem import LISTED, data_warnings, fem_json, fem_lines, truncation_note
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.run_view import (

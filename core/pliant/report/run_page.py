@@ -21,10 +21,9 @@ from pliant.report.document import (
     picture,
     section,
 )
-from pliant.report.fem_page import data_sections, shape_section
-from pliant.report.fem_view import DesignStates
+from pliant.report.fem_page import DesignStates, data_sections, shape_section
 from pliant.report.figures.finger import finger_bodies, finger_picture
-from pliant.report.fit_tables import axes_table, score_cells, score_heads
+from pliant.report.fit_page import axes_table, score_cells, score_heads
 from pliant.report.law_charts import law_chart
 from pliant.report.pose_charts import backbone_caption, backbone_chart, pose_chart
 from pliant.report.provenance import closing_sections, nested, plain, stage_name

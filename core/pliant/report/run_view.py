@@ -131,14 +131,6 @@ def study_form(design: DesignResult) -> Mapping[str, Any] | None:
     return found if found and "parameters" in found else None
 
 
-def study_form_effort(form: Mapping[str, Any], actuation: Array, u: Array) -> Array:
-    """Return τ = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u); u|u| for u² where the form is odd."""
-    k = form["parameters"]
-    square = u * np.abs(u) if form.get("odd") else u**2
-    p = actuation
-    return np.asarray(k["k_n"] * p + (k["m_a"] * p + k["b_a"]) * u - (k["m_e"] * square / 2 + k["b_e"] * u))
-
-
 def module_designs(run: FinishedRun) -> tuple[list[int], list[float]] | None:
     """Return for each module its design's index and its turn about the chain axis (rad), or None without a chain."""
     chain = chain_config(run)

@@ -10,10 +10,11 @@ import numpy as np
 from pliant.config.design_parameters import shown, spoken
 from pliant.formatting import percent, seconds, units_footer
 from pliant.pipeline.workbench import RunContext
-from pliant.report.document import Document, Drawn, Table, Warned, answers, brief, brief_table, capital
+from pliant.report.document import Document, Table, Warned, answers, brief, brief_table, capital
 from pliant.report.provenance import made_by, stage_json
 from pliant.report.stage import StoredPage
-from pliant_designs.report.meta_view import SCORES, MetaFitted, coverage_table, next_table, score_rows
+from pliant_designs.fitted_model import MetaFitted
+from pliant_designs.report.meta_page import SCORES, coverage_table, meta_drawn, next_table, score_rows
 from pliant_designs.stage import MetaModelStage
 
 PAGE = "fit.html"
@@ -29,11 +30,6 @@ def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, 
         study: inputs to list.
     """
     own, manifests = fitted[0], _manifests(fitted)
-
-    def draw() -> Drawn:
-        from pliant_designs.report.meta_page import meta_drawn  # matplotlib takes a second to import
-
-        return meta_drawn(fitted, study, manifests)
 
     data = meta_json(own.stage)
     if own.proposals:
@@ -52,7 +48,7 @@ def meta_document(title: str, fitted: Sequence[MetaFitted], study: Mapping[str, 
             "Solve the proposed designs, then ask for the law of a new one: pliant fit, pliant simulate.",
         ),
         warnings=limits,
-        draw=draw,
+        draw=lambda: meta_drawn(fitted, study, manifests),
         footer=units_footer(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
         page=PAGE,
         version=made_by(manifests),

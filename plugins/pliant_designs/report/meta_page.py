@@ -1,35 +1,36 @@
-"""The page of a meta-model: its sections, and charts of parity, free angles, errors over the designs, coverage."""
+"""The page of a meta-model: sections, tables, charts of parity, free angles, errors over the designs, coverage."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pliant.formatting import deformation_unit, effort_unit, percent
+from pliant.formatting import NamedUnit, deformation_unit, effort_unit, number, output_unit, percent, seconds
 from pliant.records.design import Array
 from pliant.report.chart import Chart, ChartAxis, ChartLine, ChartNote, ChartRule, Mark, Panel, optional_chart
 from pliant.report.chart_colours import ERROR_COLOURS, INK, SERIES, SOFT, ColourScale
-from pliant.report.document import Drawn, Picture, Section, drawn, page_table, picture, section
-from pliant.report.learning_chart import Curve, learning_chart
-from pliant.report.provenance import Manifests, closing_sections
-from pliant_designs.report.meta_view import (
-    PLACES,
-    PUBLISHED,
-    SCORES,
-    MetaFitted,
-    cost_table,
-    coverage_table,
-    learning_table,
-    next_table,
-    parameter_unit,
-    score_rows,
-    settings_table,
-    worst_table,
+from pliant.report.document import (
+    Column,
+    Drawn,
+    Picture,
+    Section,
+    Table,
+    drawn,
+    named_values,
+    optional_table,
+    page_table,
+    picture,
+    section,
 )
+from pliant.report.learning_chart import Curve, learning_chart
+from pliant.report.provenance import Manifests, closing_sections, short_text, words
+from pliant_designs.cross_validation import AxisScores, Scores
+from pliant_designs.fitted_model import MetaFitted
 
+PLACES = ("interior", "border")
 LEFT_OUT = "Every design was predicted by a model that had not seen it."
 
 
@@ -81,6 +82,173 @@ def _learning(fitted: MetaFitted) -> Section | None:
     caption = "The model fitted again to nested subsets of the designs, scored on designs that no fit saw."
     shown = Picture("meta_learning", caption, chart)
     return section("How many designs it takes", shown, learning_table(learning))
+
+
+def parameter_unit(name: str) -> NamedUnit:
+    """Return a parameter's label and display unit: ``average_radius_m`` → average radius, mm."""
+    return output_unit(name.removeprefix("material."))
+
+
+PUBLISHED = (
+    "Of each design's own range of effort, and of its largest free angle. Published for the study's meta-models: R² "
+    "above 0.99 (coefficients) and above 0.999 (network), both on the designs that they were fitted to; here every "
+    "design was left out of the fit that predicts it."
+)
+WORST = 5
+WORTH = {
+    "gain": "of the mean squared error that solving it would remove",
+    "doubt": "of the largest doubt in the range",
+    "distance": "of the range, to the nearest solved design",
+}
+
+
+def share_text(share: float) -> str:
+    """Return a share in percent, three digits."""
+    return percent(share, 3)
+
+
+class ScoreRow(NamedTuple):
+    """Scores of one axis of a group of designs; `first` for the group's first row."""
+
+    label: str
+    scores: Scores
+    axis: AxisScores
+    first: bool
+
+
+SCORES: tuple[Column[ScoreRow], ...] = (
+    Column("label", head="designs left out", brief="designs left out"),
+    Column("scores.n_designs", head="designs", brief="designs"),
+    Column("axis.n_states", head="states"),
+    Column("axis.r2", head="R²", brief="R²", show=lambda r2: f"{r2:.6f}"),
+    Column("axis.rmse_of_range", head="RMS of range", brief="RMS", show=share_text),
+    Column("axis.worst_of_range", head="worst of range", brief="worst", show=share_text),
+    Column(
+        "scores.free_median",
+        head="free angle, median",
+        brief="free: median",
+        text=lambda r: share_text(r.scores.free_median) if r.first else "",
+    ),
+    Column(
+        "scores.free_worst",
+        head="free angle, worst",
+        brief="worst",
+        text=lambda r: _worst_free(r.scores.free_worst, r.scores.free_lost) if r.first else "",
+    ),
+)
+
+
+def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
+    """Return torque and free angle on held-out designs, interior and border apart, one block for each model."""
+    rows = []
+    for one in fitted:
+        for place, scores in one.stage.scores.items():
+            label = f"{one.name}: {place}" if len(fitted) > 1 else place
+            for count, (axis, of_axis) in enumerate(scores.axes.items()):
+                name = f"{label}, axis {axis}" if len(scores.axes) > 1 else label
+                rows.append(ScoreRow(name, scores, of_axis, count == 0))
+    return rows
+
+
+def _parameters(fitted: MetaFitted, values: Iterable[float]) -> list[str]:
+    """Return the cells of a design's parameters, in their display units."""
+    units = map(parameter_unit, fitted.designs.names)
+    return [number(float(v) * unit.factor, 4) for v, unit in zip(values, units, strict=True)]
+
+
+def worst_table(fitted: MetaFitted) -> Table:
+    """Return the designs with the largest errors."""
+    rows = [
+        [
+            percent(float(fitted.worst[design]), 3),
+            "border" if fitted.border[design] else "interior",
+            *_parameters(fitted, fitted.designs.values[design]),
+        ]
+        for design in fitted.worst_designs(WORST)
+    ]
+    head = ["worst of range", "place", *(parameter_unit(name).axis for name in fitted.designs.names)]
+    return Table("Designs that were missed most", head, rows, numeric=2)
+
+
+def coverage_table(fitted: MetaFitted) -> Table:
+    """Return the coverage of the bars."""
+    levels = list(dict.fromkeys(level for found in fitted.stage.coverage.values() for level in found))
+    rows = [
+        [place, *(percent(found[level], 3) if level in found else "–" for level in levels)]
+        for place, found in fitted.stage.coverage.items()
+    ]
+    head = ["", *(f"in the {100 * float(level):g} % band" for level in levels)]
+    note = "Each design's states in bars that the other designs give; each design counts alike."
+    return Table("What the error bars hold", head, rows, note)
+
+
+LEARNING: tuple[Column[Mapping[str, Any]], ...] = (
+    Column("n", head="designs"),
+    *(
+        Column(f"{place}.{key}", head=f"{place}, {label}", show=share_text)
+        for place in ("all", "interior")
+        for key, label in (("rms", "RMS"), ("worst", "worst"))
+    ),
+    Column("wall_s", head="fit", show=seconds),
+)
+
+
+def learning_table(learning: Mapping[str, Any]) -> Table:
+    """Return errors by number of designs."""
+    count, inside = len(learning["test"]), len(learning["interior"])
+    note = (
+        f"Shares of each design's range at {count} designs that no fit saw, {inside} of them inside the range. "
+        "Subsets are nested: corners first, then the design farthest from those before it."
+    )
+    if learning["left_out"]:
+        sizes = ", ".join(str(p["n"]) for p in learning["left_out"])
+        note += f" Not fitted: {sizes} ({learning['left_out'][0]['cause']})"
+    return page_table("Error by number of designs", LEARNING, learning["points"], note)
+
+
+def next_table(fitted: MetaFitted) -> Table | None:
+    """Return the designs to solve next; None if not requested."""
+    rows = [
+        [str(count), *_parameters(fitted, one.values), percent(one.gain, 3)]
+        for count, one in enumerate(fitted.proposals, start=1)
+    ]
+    gain = [WORTH.get(one.basis, one.basis) for one in fitted.proposals[:1]]
+    head = ["", *(parameter_unit(name).axis for name in fitted.designs.names), *gain]
+    return optional_table("Solve these next", head, rows)
+
+
+def cost_table(fitted: MetaFitted) -> Table:
+    """Return the cost of FEM and of the model, per design."""
+    n, stage, each = len(fitted.designs), fitted.stage, fitted.fem_s / len(fitted.designs)
+    states = sum(len(one) for one in fitted.designs.data)
+    values: dict[str, str | None] = {
+        "designs solved": f"{n}, {states} states, from {stage.solved.source}",
+        "FEM, all designs": seconds(fitted.fem_s) if each else None,
+        "FEM, one design": seconds(each) if each else None,
+        "fit of the model": seconds(stage.fit_s),
+        f"scoring: {stage.parts} refits without some designs": seconds(stage.scoring_s),
+        "law of an unseen design, with its error bar": seconds(fitted.law_s),
+        "evaluations of it with slopes": f"{number(fitted.per_second / 1e6, 3)} million a second",
+    }
+    if each:
+        ratio = number(float(f"{each / fitted.law_s:.2g}"))
+        hours = number(1000 * (each - fitted.law_s) / 3600, 2)
+        values["a design by the model instead of FEM"] = f"{ratio} times faster"
+        values["FEM saved by every thousand further designs"] = f"{hours} hours of one core"
+    note = (
+        "The law and its evaluations were timed when this page was made; FEM as measured when it was solved."
+    )
+    return named_values("Cost", values, note)
+
+
+def settings_table(fitted: MetaFitted) -> Table | None:
+    """Return every detail of the fit that is one word or number."""
+    values = {words(name): short_text(value) for name, value in fitted.stage.details.items()}
+    return named_values("What the fit tells", values) if any(values.values()) else None
+
+
+def _worst_free(share: float, lost: int) -> str:
+    return f"no equilibrium in {lost} states" if np.isinf(share) else percent(share, 3)
 
 
 MANY = 500
@@ -179,11 +347,11 @@ def _pair_panel(fitted: MetaFitted, i: int, j: int, shares: Array, scale: Colour
     x, y = (fitted.designs.values[:, k] * unit.factor for k, unit in zip((i, j), units, strict=True))
     dx, dy = _beside(x, y)
     marks: list[Mark] = list(_designs(x + dx * np.ptp(x), y + dy * np.ptp(y), fitted, shares))
-    for number, proposal in enumerate(fitted.proposals, start=1):
+    for count, proposal in enumerate(fitted.proposals, start=1):
         place = proposal.values[i] * units[0].factor, proposal.values[j] * units[1].factor
         star = np.array(place[:1]), np.array(place[1:])
         marks.append(ChartLine("solve next, in order", *star, "", SERIES[0], 0.0, 13.0, "*"))
-        marks.append(ChartNote(f"  {number}", *place, colour=SERIES[0], bold=True))
+        marks.append(ChartNote(f"  {count}", *place, colour=SERIES[0], bold=True))
     axes = [ChartAxis(unit.label, unit.symbol) for unit in units]
     return Panel(axes[0], axes[1], tuple(marks), scale=scale)
 

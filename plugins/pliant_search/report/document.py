@@ -14,13 +14,14 @@ import numpy as np
 from pliant.config.study import Study
 from pliant.formatting import listed, percent, plural, quantity, unbroken, units_footer
 from pliant.report import render
-from pliant.report.document import Document, Drawn, Warned, answers, capital
-from pliant.report.fem_view import LISTED
+from pliant.report.document import Document, Warned, answers, capital
+from pliant.report.fem import LISTED
 from pliant.store.store import write_atomically, writing_in
 from pliant.units import strip_unit_suffix
 from pliant_search.problem.names import acts, metric_unit, objective_unit
 from pliant_search.records import FoundDesign, SearchResult, Slope, Verification
 from pliant_search.report.folder import DrawnDesign, read_search, search_json, write_search
+from pliant_search.report.page import search_drawn
 from pliant_search.report.view import SearchView, price
 
 PAGE = "search.html"  # in the same folder as report.html, which `pliant run` writes
@@ -80,11 +81,6 @@ def search_document(
     """
     view = SearchView(result, study)
 
-    def draw() -> Drawn:
-        from pliant_search.report.page import search_drawn  # matplotlib takes a second to import
-
-        return search_drawn(view, designs)
-
     limits = [unbroken(sentence) for sentence in result.limits]
     return Document(
         kind="Pliant optimize",
@@ -99,7 +95,7 @@ def search_document(
             *(f"Round {sentence}." for sentence in each_round(result)),
         ),
         warnings=tuple(warned(view)),
-        draw=draw,
+        draw=lambda: search_drawn(view, designs),
         footer=units_footer(lengths="m", pressures="Pa", angles="rad"),
     )
 

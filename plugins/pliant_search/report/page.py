@@ -13,16 +13,18 @@ from pliant.report.contact_charts import stills_chart
 from pliant.report.document import Cells, Drawn, Picture, Section, Table, capital, drawn, picture, section
 from pliant.report.pose_charts import backbone_caption, backbone_chart
 from pliant.report.provenance import input_table
-from pliant_search.report.axes import answer_chart, parallel_chart, policy_chart
-from pliant_search.report.best import (
+from pliant_search.report.charts import (
+    branches_chart,
     designs_chart,
+    front_chart,
+    history_chart,
     robust_chart,
     slopes_chart,
     successes_chart,
     verified_chart,
 )
-from pliant_search.report.course import branches_chart, front_chart, history_chart
 from pliant_search.report.folder import DrawnDesign
+from pliant_search.report.variable_charts import answer_chart, parallel_chart, policy_chart
 from pliant_search.report.view import (
     NO_RESULT,
     Axis,

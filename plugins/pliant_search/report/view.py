@@ -128,6 +128,7 @@ def short_labels(names: Sequence[str]) -> list[str]:
 
 
 OK = STATUSES.index("ok")
+SHOWN_SHARE = 97.0  # percent of the candidates that a linear axis shows; the rest is drawn at its edge
 LONGEST = 40  # characters of an objective in a label
 NO_RESULT = ("trials", "outside_domain")  # of the check, but not metrics
 
@@ -325,6 +326,16 @@ def evenly_spaced(count: int, most: int) -> list[int]:
     if count <= most:
         return list(range(count))
     return [int(k) for k in np.unique(np.linspace(0, count - 1, most).round())]
+
+
+def shown_range(scores: Array, maximised: bool) -> tuple[float, float]:
+    """Return the range, without the worst few where these would take most of it."""
+    finite = scores[np.isfinite(scores)]
+    low, high = float(finite.min()), float(finite.max())
+    cut = float(np.percentile(finite, 100 - SHOWN_SHARE if maximised else SHOWN_SHARE))
+    if maximised:
+        return (cut, high) if high - low > 2.5 * (high - cut) > 0 else (low, high)
+    return (low, cut) if high - low > 2.5 * (cut - low) > 0 else (low, high)
 
 
 def log_suits(values: Array) -> bool:

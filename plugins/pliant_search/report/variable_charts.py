@@ -10,8 +10,7 @@ from pliant.records.design import Array
 from pliant.report.chart import Chart, ChartAxis, ChartLine, ChartNote, Mark, Panel, optional_chart
 from pliant.report.chart_colours import INK, SERIES, SOFT, WARN, ColourScale
 from pliant_search.records import FoundDesign
-from pliant_search.report.course import shown_range
-from pliant_search.report.view import Axis, SearchView, log_suits
+from pliant_search.report.view import Axis, SearchView, log_suits, shown_range
 
 SHAPES = ("o", "s", "D", "^", "v", "P", "x", "*")
 MOST_MARKED = 8  # number of designs with separate colours and markers
@@ -33,10 +32,8 @@ def answer_chart(read: SearchView) -> Chart | None:
         marks += _ends(axis, row)
     for k, design in enumerate(best):
         marks += _marked_design(shown, design, k, read, several)
-    x, y = (
-        ChartAxis(ends=(-0.14, 1.14 if several else 1.24)),
-        ChartAxis("", names=tuple(a.title for a in shown)),
-    )
+    x = ChartAxis(ends=(-0.14, 1.14 if several else 1.24))
+    y = ChartAxis("", names=tuple(a.title for a in shown))
     panel = Panel(x, y, tuple(marks), f"The best design{'s' * several} in what was searched")
     names = read.design_names() if several and len(best) <= MOST_MARKED else ()
     return Chart((panel,), cell=(1500, 62 * len(shown) + 110), legend=tuple(names))
@@ -93,16 +90,9 @@ def parallel_chart(read: SearchView) -> Chart | None:
     places = np.array([*(_places(axis, rows) for axis in axes), scale.places(scores)])
     levels = np.arange(float(len(places)))
     shades = ColourScale.even("", "", (0.0, 1.0), SHADES)
-    colours = shades.to_hex(scale.places(scores))
+    colours, good = shades.to_hex(scale.places(scores)), BEST_SHARE * len(rows)
     marks: list[Mark] = [
-        ChartLine(
-            "candidate",
-            places[:, k],
-            levels,
-            "",
-            f"{colours[k]}bf",
-            1.1 if k < BEST_SHARE * len(rows) else 0.7,
-        )
+        ChartLine("candidate", places[:, k], levels, "", f"{colours[k]}bf", 1.1 if k < good else 0.7)
         for k in range(len(rows) - 1, 0, -1)
     ]
     for level, axis in enumerate(axes):

@@ -1,24 +1,27 @@
-"""Quantities of a law, its report and its states that the page of a fit shows."""
+"""A fitted law with its report and its states: residuals, coverage of its error bars, slopes, cost."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from pliant.formatting import Unit, effort_unit, slides
-from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.errors import UserError
+from pliant.fem_tables.reading import holds_whole_states, read_module_table, read_table
+from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.mechanics.one_input import first_input_law
-from pliant.pipeline.residuals import Residuals
-from pliant.pipeline.surrogate import evaluations_per_second
+from pliant.pipeline.learning import learning_stage
+from pliant.pipeline.residuals import Residuals, as_module_data, as_scored, module_from_axes
+from pliant.pipeline.segments import DesignStages
+from pliant.pipeline.study import DEFAULT_SURROGATE
+from pliant.pipeline.surrogate import LawStage, evaluations_per_second, study_law_beside
+from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import FitReport, JointLaw
-from pliant.report.fem_view import solved_rows
-from pliant.report.run_view import study_form_effort
 from pliant.store.store import Artifact
 
 # Keys of a report for published forms, and their titles on the page.
@@ -136,8 +139,7 @@ class ReportedLaw:
     @property
     def solved(self) -> int:
         """Number of solved states; all of them if not known."""
-        rows = solved_rows(self.data)
-        return int(rows.sum()) or len(self.data)
+        return int(np.sum((self.data.wall_s > 0) | (self.data.iterations > 0))) or len(self.data)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,12 +198,6 @@ def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
     return p, u, slopes.reshape(P.shape)
 
 
-def slope_unit(law: JointLaw, axis: str = "") -> Unit:
-    """Return the display unit of ∂τ/∂u: that of the effort per SI unit of u."""
-    effort = effort_unit(law, axis)
-    return Unit(f"{effort.symbol}/{'m' if slides(law, axis) else 'rad'}", effort.factor)
-
-
 def least_stable(law: JointLaw, count: int = 4000) -> float:
     """Return the largest eigenvalue of the symmetric part of ∂τ/∂u in the box; below 0 the joint is stable everywhere.
 
@@ -229,6 +225,14 @@ def _efforts(
     return predict
 
 
+def study_form_effort(form: Mapping[str, Any], actuation: Array, u: Array) -> Array:
+    """Return τ = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u); u|u| for u² where the form is odd."""
+    k = form["parameters"]
+    square = u * np.abs(u) if form.get("odd") else u**2
+    p = actuation
+    return np.asarray(k["k_n"] * p + (k["m_a"] * p + k["b_a"]) * u - (k["m_e"] * square / 2 + k["b_e"] * u))
+
+
 def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
     """Return the point of largest slope for each axis with ∂τ/∂u ≥ 0; the other axes are at rest.
 
@@ -246,3 +250,84 @@ def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
             place = {"actuation": float(p[i]), "deformation": float(u[j])}
             found.append({"axis": axis, **place, "slope": slope})
     return found
+
+
+def fitted_law(
+    context: RunContext,
+    name: str,
+    config: SurrogateConfig,
+    stage: LawStage,
+    data: ModuleData | None = None,
+    *,
+    learning: bool = True,
+    source: str = "FEM",
+) -> ReportedLaw:
+    """Return a law with the data of its document; with `learning` the surrogate is also fitted to parts of the states.
+
+    Args:
+        context: plugins and store.
+        name: of the design, or of the surrogate where several are compared.
+        config: of the surrogate.
+        stage: the law.
+        data: whole states of the module; by default those of the law's stage.
+        learning: whether a learning curve is made.
+        source: origin of the states, in words.
+
+    Raises:
+        UserError: the law is stated by coefficients, so there is no fit to report.
+    """
+    surrogate: Surrogate = context.build("surrogate", config)
+    known = data is not None or stage.data is not None or bool(surrogate.tables())
+    if stage.report is None or stage.artifact is None or not known:
+        raise UserError(
+            f"the law of '{name}' is stated by its coefficients: there is no fit, so leave out --out, or let "
+            "'surrogate' fit FEM states or a table."
+        )
+    data = as_scored(_own_table_states(surrogate, stage) if data is None else data, stage.report)
+    curve = None
+    if learning and len(surrogate.tables()) <= 1 and len(data.actuations) == 1:
+        curve = learning_stage(context, config, data, {"law": stage.artifact.key})
+    details = stage.report.details
+    own = "study_form" in details or any(
+        "study_form" in axis for axis in dict(details.get("axes", {})).values()
+    )
+    return ReportedLaw(
+        name,
+        config.kind,
+        stage.law,
+        stage.report,
+        data,
+        float(stage.artifact.manifest["wall_s"]),
+        curve.value if curve is not None else None,
+        source,
+        None if own else study_law_beside(context, data),
+        config,
+        (stage.artifact,) if curve is None else (stage.artifact, curve),
+    )
+
+
+def fitted_designs(
+    context: RunContext, designs: Sequence[DesignStages], learning: bool = True
+) -> list[ReportedLaw]:
+    """Return the laws of a study's designs, named by number if there are several."""
+    found = []
+    for count, design in enumerate(designs, start=1):
+        name = "the design" if len(designs) == 1 else f"design {count}"
+        default = context.registry.get("surrogate", DEFAULT_SURROGATE)
+        config: Any = design.design.surrogate or default.config_model()(kind=DEFAULT_SURROGATE)
+        data = design.fem.value if design.fem is not None else None
+        source = "FEM" if design.fem is not None else "the table"
+        found.append(fitted_law(context, name, config, design.law, data, learning=learning, source=source))
+    return found
+
+
+def _own_table_states(surrogate: Surrogate, stage: LawStage) -> ModuleData:
+    """Return the states of the config's own tables: one of one axis or of several, or one for each axis."""
+    tables = surrogate.tables()
+    path = tables.get("")
+    if path is not None and holds_whole_states(path):
+        return read_module_table(path)
+    if tables and path is None:
+        return module_from_axes({axis: read_table(one, axis) for axis, one in tables.items()}, stage.law.axes)
+    assert stage.data is not None
+    return as_module_data(stage.data)
