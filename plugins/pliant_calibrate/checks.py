@@ -176,11 +176,11 @@ def check_modulus(shear_modulus_pa: float, y_name: str) -> list[str]:
     value = shear_modulus_pa
     if not POSSIBLE_PA[0] <= value <= POSSIBLE_PA[1]:
         raise UserError(
-            f"The data ask for a shear modulus of {value:.3g} Pa; rubbers have 2 kPa to 100 MPa. Is a unit wrong? A "
+            f"The data require a shear modulus of {value:.3g} Pa; rubbers have 2 kPa to 100 MPa. Is a unit wrong? A "
             f"column's name says its unit, such as nominal_stress_mpa, pressure_kpa ({y_name} is read in SI)."
         )
     if not USUAL_PA[0] <= value <= USUAL_PA[1]:
         return [
-            f"A shear modulus of {value:.3g} Pa is unusual for a rubber (2 kPa to 100 MPa); look at the units."
+            f"A shear modulus of {value:.3g} Pa is unusual for a rubber (2 kPa to 100 MPa); check the units."
         ]
     return []

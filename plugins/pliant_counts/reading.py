@@ -148,7 +148,7 @@ def _layout(
             hint = closest(name, [n.lower() for n in header])
             raise UserError(
                 f"{path}: a file of counts has the columns 'successes' and 'trials', and '{name}' is not there"
-                f"{hint} Without '{name}' nobody can tell what '{other}' means."
+                f"{hint} Without '{name}' the meaning of '{other}' is unknown."
             )
     if ignored:
         layout.remarks.append(
@@ -233,9 +233,9 @@ def _problem(successes: float, trials: float) -> str:
         if value < 0:
             return f"column {label} is {value:g}; a count is not negative"
     if trials == 0:
-        return "column trials is 0; a row without trials says nothing, leave it out"
+        return "column trials is 0; leave a row without trials out"
     if trials > MOST_TRIALS:
-        return f"column trials is {trials:g}; that is more than anybody counts"
+        return f"column trials is {trials:g}; that is an implausibly large count"
     if successes > trials:
         return f"{successes:g} successes are more than {trials:g} trials; are the columns exchanged?"
     return ""

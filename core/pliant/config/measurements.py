@@ -33,7 +33,7 @@ class PlausibleRange(FrozenModel):
     """A number of the task that is not known well, for `pliant diagnose` on counts."""
 
     key: Name = Field(description="e.g. task.friction")
-    low: Ratio | str = Field(description="with its unit; the range holds 90 % of what would surprise nobody")
+    low: Ratio | str = Field(description="with its unit; the range is the central 90 % of the prior")
     high: Ratio | str = Field(description="the other end")
     where: dict[str, Any] = Field(
         default_factory=dict,
@@ -152,10 +152,10 @@ class ColumnNotes(FrozenModel):
         default_factory=dict, description="unit that a column is written in, e.g. {pressure_pa: kPa}"
     )
     missing: Annotated[tuple[CellText, ...], BeforeValidator(_as_list)] = Field(
-        (), description="what stands for a missing value, e.g. [OVERLOAD, -999]"
+        (), description="marks of missing values, e.g. [OVERLOAD, -999]"
     )
     decimal: Literal[",", "."] | None = Field(
-        None, description="the mark of decimals; then the other one stands between thousands"
+        None, description="the decimal mark; the other one then separates thousands"
     )
     header: Count | None = Field(
         None,

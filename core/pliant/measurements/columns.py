@@ -175,7 +175,7 @@ def _frame_clock(sheet: Sheet, notes: MeasurementNotes, notes_name: str) -> File
             else ""
         )
         raise UserError(
-            f"{sheet.path}: column '{written}' holds numbers of pictures, and nothing says their rate{several}. Write "
+            f"{sheet.path}: column '{written}' contains frame numbers, and their rate is not stated{several}. Write "
             f"'rate: 25 Hz', or what it was, into {notes_name}."
         )
     rate = notes.rate if notes.rate is not None else stated.pop()

@@ -111,7 +111,9 @@ def external_columns(
         for written, text in (found or {}).items():
             column = fields[written]
             if column.name in own:
-                remarks.append(f"{column.name} stands in the file, so its name is not asked for it.")
+                remarks.append(
+                    f"{column.name} is a column of the file, so that it is not read from the file's name."
+                )
             elif column.role == "text":
                 texts[column.name] = text
             else:
@@ -201,7 +203,7 @@ def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> d
         if column is None:
             raise UserError(
                 f"{notes_name}: 'name_pattern' has '{{{name}}}', which is not a column of a measurement"
-                f"{closest(name, EXAMPLES)} Use * for a part that says nothing."
+                f"{closest(name, EXAMPLES)} Use * for a part without a meaning."
             )
         fields[name] = column
     return fields
@@ -249,7 +251,7 @@ def _joined(
     columns = [FileColumn(other.name, c.name, c.role, c.unit, in_unit=c.in_unit) for c in used]
     shift = f", its clock shifted by {join.shift_s:g} s" if join.shift_s else ""
     remark = (
-        f"{', '.join(c.name for c in columns)} from {other.name}{shift}: straight lines at this file's times, nothing "
-        "outside its span."
+        f"{', '.join(c.name for c in columns)} from {other.name}{shift}: interpolated linearly at this file's times, "
+        "not extrapolated."
     )
     return Joined(other.name, runs_of, len(used)), columns, remark

@@ -295,8 +295,8 @@ class Gatherer:
         if self.split_runs:
             run, line = next(iter(self.split_runs.items()))
             remarks.append(
-                f"Rows of {len(self.split_runs)} of {len(self.runs)} runs do not stand together (run "
-                f"'{self.runs[run].name}' goes on in line {line}); they were put together in the file's order."
+                f"Rows of {len(self.split_runs)} of {len(self.runs)} runs are not consecutive (run "
+                f"'{self.runs[run].name}' continues in line {line}); they were joined in the file's order."
             )
         remarks += self.order_remarks()
         if thinned := [run for run in self.runs if run.stride > 1]:
@@ -305,7 +305,7 @@ class Gatherer:
             remarks.append(
                 f"{total} rows are more than max_samples ({self.most}): of {len(thinned)} of {len(self.runs)} runs "
                 f"only a part of the rows is kept (run '{longest.name}': one in {longest.stride} of "
-                f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
+                f"{longest.count}). Nothing was averaged; changes faster than the kept rows are lost."
             )
         return remarks
 

@@ -118,8 +118,8 @@ def read_header(
             remarks.append(detail(f"Input '{column.name}' does not drive the chain and is ignored."))
         elif column.role == "count":
             remarks.append(
-                f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts go in a file of "
-                "their own."
+                f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts belong in a "
+                "separate file."
             )
         elif column.role == "sigma" and column.name.removeprefix("sigma_") not in outputs:
             remarks.append(

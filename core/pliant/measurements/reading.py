@@ -55,7 +55,7 @@ AT_REST = 0.05  # of the range above the lowest point: still at rest
 Levels = tuple[str, float, float]
 # Remarks on a single file, which are dropped for files that are read together.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
-NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
+NEVER_CHANGES = "never changes: its influence cannot be judged."
 
 
 def read_measurement(

@@ -92,7 +92,7 @@ def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
         found.append("The chain weighs nothing and gravity does nothing: is chain.module_mass missing?")
     if own is not None and chain.payload_kg not in (0.0, payload_kg):
         kept, left = words.text(payload_kg), words.text(chain.payload_kg)
-        found.append(f"task.payload of {kept} stands in the place of chain.payload of {left}.")
+        found.append(f"task.payload of {kept} replaces chain.payload of {left}.")
     if payload_kg > HEAVY * mass_kg > 0.0:
         grams = words.text(payload_kg / 1000.0)
         found.append(f"A payload of {payload_kg:g} kg on a chain of {words.text(mass_kg, 2)}: is it {grams}?")

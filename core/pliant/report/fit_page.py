@@ -144,11 +144,12 @@ def bar_section(fitted: ReportedLaw, count: int = 0) -> Section | None:
     if not curves:
         return None
     caption = (
-        "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
-        "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
+        "Left: share of the states left out inside bands of each stated level; calibrated bars follow "
+        "the diagonal within the scatter of so few states (grey). Right: each state's miss against the half-width of "
+        "its own band."
     )
     shown = Picture(numbered("fit_bars", count), caption, coverage_chart(curves))
-    return section("Are the error bars honest?", shown, coverage_table(curves))
+    return section("Are the error bars calibrated?", shown, coverage_table(curves))
 
 
 def _learning(fitted: ReportedLaw, count: int = 0) -> Section | None:
@@ -265,7 +266,7 @@ def _coverage_panel(curves: Sequence[BandCoverage], what: str) -> Panel:
     n, stated = curves[0].n, np.linspace(0.4, 0.9999, 3000)
     low, high = (100 * count / n for count in binom.interval(CHANCE, n, stated))
     diagonal = np.array([40.0, 100.0])
-    chance = f"where chance puts 90 % of honest bars ({n})"
+    chance = f"90 % region of calibrated bars ({n})"
     marks: list[Mark] = [
         Band(chance, 100 * stated, low, high, colour="#e7e9ed"),
         ChartLine("as stated", diagonal, diagonal, "", SOFT, 1.1),

@@ -77,7 +77,7 @@ def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> 
     head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
     note = (
         "Of the range of each axis' effort in its own states. 'All held': states that hold all axes at once, which "
-        "tell how well the law knows their coupling. Last row: also efforts of axes that a state lets follow freely."
+        "show how well the law describes their coupling. Last row: also efforts of axes that are free in a state."
     )
     return Table("Errors by axis", [*head, f"worst ({effort.symbol})"], rows, note)
 
@@ -151,7 +151,7 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
         "first, then the state farthest from those before it; with several axes each gets one in turn."
     )
     if untrusted := learning.get("untrusted"):
-        note += f" {untrusted} states that are not trusted (self-contact) take no part."
+        note += f" {untrusted} states that are not trusted (self-contact) are not used."
     impossible = sorted({p["n"] for p in learning["left_out"]})
     if impossible:
         note += f" Too few to fit: {', '.join(map(str, impossible))} ({learning['left_out'][0]['cause']})."
