@@ -54,7 +54,13 @@ class Problems:
             raise self.error(f", and reading stopped at line {line}")
 
     def error(self, ending: str = "") -> UserError:
-        lines = [f"  line {line}: {text}" for line, text in sorted(self.found)]
+        alike: dict[str, list[int]] = {}
+        for line, text in sorted(self.found):
+            alike.setdefault(text, []).append(line)
+        lines = [
+            f"  line{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}: {text}"
+            for text, numbers in alike.items()
+        ]
         more = self.count - len(self.found)
         if more or ending:
             lines.append(f"  … and {more} more{ending}")
@@ -132,6 +138,8 @@ class Block:
                 "infinite" if np.isinf(size[index]) else f"beyond ±{BEYOND:g}, and no quantity is that large"
             )
             text = f"column {column} is {what}; leave it blank where nothing was read"
+            if isinstance(cells, tuple) and np.isfinite(size[index]):
+                text += f", or write 'missing: [{cells[index].strip()}]' into {self.problems.notes_name}"
             self.problems.add(int(self.lines[index]), text)
         # Their squares underflow; such values are the tail of a decaying filter.
         return np.where(size < NOTHING, 0.0, values) if (size < NOTHING).any() else values
