@@ -35,7 +35,7 @@ def reported() -> list[LabFile]:
             durations_in_words(),
             overload_as_a_large_number(),
         ),
-        *(asian_pressure(),),
+        *(asian_pressure(), *binary_files()),
     ]
 
 
@@ -337,3 +337,14 @@ def asian_pressure() -> LabFile:
         {"a.csv": text("Time [s],Pressure [kgf/cm2],Angle [deg]", *rows(T, KPA / 98.0665, DEG))},
         named("a"),
     )
+
+
+def binary_files() -> list[LabFile]:
+    """Return first bytes of loggers' binary files (adamreeve/npTDMS#198, and bags of ROS)."""
+    return [
+        LabFile("LabVIEW TDMS", {"a.tdms": b"TDSm\x0e\0\0\0\x69\x12" + bytes(200)}, refused=("TDMS", "CSV")),
+        LabFile("a ROS bag", {"a.bag": b"#ROSBAG V2.0\n" + bytes(200)}, refused=("ROS bag", "rostopic")),
+        LabFile("a ROS 2 bag", {"a.mcap": b"\x89MCAP0\r\n" + bytes(200)}, refused=("ROS 2", "CSV")),
+        LabFile("a database", {"a.db3": b"SQLite format 3\0" + bytes(200)}, refused=("database", "CSV")),
+        LabFile("a packed table", {"a.csv.gz": b"\x1f\x8b\x08\0" + bytes(200)}, refused=("gzip", "unpack")),
+    ]
