@@ -38,6 +38,7 @@ COMMAND = re.compile(
 )
 QUALIFIERS = re.compile(r"\b(actual|measured|meas|ist|real|raw|filtered|sensor|current)\b")
 # True (deformed) quantities of the strip: force over the area under load, and the logarithm of the stretch.
+VACUUM = re.compile(r"\b(vacuum|vakuum|unterdruck|suction)\b")
 COMPRESSION = re.compile(r"\b(compress\w*|stauch\w*|druckkraft|druckspannung)\b")
 SHEAR = re.compile(r"\b(shear|schub\w*|scher\w*)\b")
 TRUE = re.compile(r"\b(true|cauchy|log|logarithmic|hencky|wahre)\b")

@@ -87,7 +87,8 @@ def _with_header(
     if any(name.endswith(AXES) for name in found.names):
         found = replace(found, names=with_length_unit(found.names, lines[: found.at], separator))
     rows = [cells for k in shown if k >= found.start and (cells := _cells(lines[k], separator))]
-    found = replace(found, names=with_units_beside(found.names, rows))
+    names, beside = with_units_beside(found.names, rows)
+    found = replace(found, names=names)
     count = Counter(filter(None, found.names))
     if repeated := sorted(name for name, times in count.items() if times > 1):
         raise UserError(
@@ -107,6 +108,7 @@ def _with_header(
         rest=text[sum(len(line) + 1 for line in lines[: found.start]) :],
         line=found.start + 1,
         separator=separator,
+        beside=beside,
     )
 
 

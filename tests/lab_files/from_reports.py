@@ -35,7 +35,7 @@ def reported() -> list[LabFile]:
             durations_in_words(),
             overload_as_a_large_number(),
         ),
-        *(asian_pressure(), *binary_files()),
+        *(asian_pressure(), *binary_files(), changed_range(), long_form(), vacuum()),
     ]
 
 
@@ -348,3 +348,41 @@ def binary_files() -> list[LabFile]:
         LabFile("a database", {"a.db3": b"SQLite format 3\0" + bytes(200)}, refused=("database", "CSV")),
         LabFile("a packed table", {"a.csv.gz": b"\x1f\x8b\x08\0" + bytes(200)}, refused=("gzip", "unpack")),
     ]
+
+
+def changed_range() -> LabFile:
+    """Return a multimeter's readings whose range, and with it their unit, changes."""
+    units = ["kPa" if p < 10 else "mbar" for p in KPA]
+    return LabFile(
+        "a column of units that change",
+        {"a.tsv": text("time_s\tPressure\tUnit\tangle_deg", *rows(T, KPA, units, DEG, between="\t"))},
+        refused=("Pressure is in 'mbar' there, and in 'kPa' above",),
+    )
+
+
+def long_form() -> LabFile:
+    """Return rows that name their quantity, as databases write them (theosysbio/means#2)."""
+    lines = [
+        f"{digits(t)},{name},{digits(v)}"
+        for t, p, a in zip(T, KPA, DEG, strict=True)
+        for name, v in (("pressure_kpa", p), ("angle_deg", a))
+    ]
+    return LabFile(
+        "a table in long form",
+        {"a.csv": text("time_s,sensor,value", *lines)},
+        refused=(
+            "'sensor' says what the 'value' of each row is (pressure_kpa, angle_deg)",
+            "one column for each",
+        ),
+    )
+
+
+def vacuum() -> LabFile:
+    """Return a vacuum that counts downward, with the name as its only hint."""
+    return LabFile(
+        "a vacuum that is positive",
+        {"a.csv": text("time_s,vacuum_kpa,angle_deg", *rows(T, KPA, DEG))},
+        {"a": {**ONE["slow"], "pressure_pa": -P}},
+        stated={"rename": {"vacuum_kpa": "pressure_pa"}, "units": {"vacuum_kpa": "-1 kPa"}},
+        refused=('"vacuum_kpa": pressure_pa',),
+    )

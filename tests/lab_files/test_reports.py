@@ -101,3 +101,20 @@ def test_large_steps_of_a_helix_are_no_turns(tmp_path: Path):
     jumps = np.where(np.arange(len(T)) % 20 < 10, 0.0, 200.0)
     doubts = read(tmp_path, a=text("time_s,pressure_kpa,angle_deg", *rows(T, KPA, jumps))).doubts
     assert all(doubt.kind != "turn" for doubt in doubts)
+
+
+def test_a_vacuum_that_is_renamed_alone_is_doubted(tmp_path: Path):
+    table = text("time_s,vacuum_kpa,angle_deg", *rows(T, KPA, DEG))
+    found = read(tmp_path, "rename: {vacuum_kpa: pressure_kpa}", a=table)
+    assert [doubt.kind for doubt in found.doubts] == ["sign"]
+    assert "'units: {vacuum_kpa: -1 kPa}'" in found.doubts[0].sentence
+
+
+def test_a_clock_that_is_set_forward_is_doubted(tmp_path: Path):
+    stamps = [
+        f"2026-03-29 {'01' if t < 1 else '03'}:{59 if t < 1 else 0:02}:{(59 + t) % 60:06.3f}" for t in T
+    ]
+    found = read(tmp_path, a=text("time,pressure_kpa,angle_deg", *rows(stamps, KPA, DEG)))
+    assert [doubt.kind for doubt in found.doubts] == ["clock"]
+    pause = [stamp.replace(" 03:00:", " 03:10:") for stamp in stamps]  # an hour and ten minutes: a pause
+    assert not read(tmp_path, a=text("time,pressure_kpa,angle_deg", *rows(pause, KPA, DEG))).doubts

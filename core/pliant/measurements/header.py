@@ -35,6 +35,10 @@ from pliant_tables.units import stem
 
 HELD = ("held_angle_rad", "held_elongation_strain")  # prescribed: then no supply is needed
 TWIST = re.compile(r"curvature[ _]x\b.*|curvature[ _]x_.*", re.IGNORECASE)
+VALUE, MOST_KINDS = (
+    re.compile(r"_?(value|reading|wert|messwert|data)", re.IGNORECASE),
+    50,
+)  # of a table in long form
 ANOTHER = "another.csv"  # placeholder for a file that has not been named
 
 
@@ -290,6 +294,8 @@ def _check_needed(
             f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
             f"are needed here; {takers}"
         )
+    if long := _long_form(sheet, unknown):
+        raise UserError(f"{path}: {long}")
     listed = ", ".join(unknown[:20])
     above = sheet.header_line > 1
     elsewhere = f", 'header: …' that another line than {sheet.header_line} names them" if above else ""
@@ -330,3 +336,18 @@ def _check_needed(
             f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}",
             "readings",
         )
+
+
+def _long_form(sheet: Sheet, unknown: Sequence[str]) -> str:
+    """Return a sentence on a table in long form, whose rows name their quantity; empty for other tables."""
+    values = [name for name in unknown if VALUE.fullmatch(bare(name))]
+    for name in unknown if values else ():
+        cells = [row[sheet.header.index(name)].strip() for row in sheet.sample]
+        kinds = list(dict.fromkeys(filter(None, cells)))
+        if 2 <= len(kinds) <= MOST_KINDS and not any(looks_numeric(kind, sheet.marks) for kind in kinds):
+            return (
+                f"column '{name}' says what the '{values[0]}' of each row is ({', '.join(kinds[:3])}"
+                f"{', …' if len(kinds) > 3 else ''}); write one column for each, named so, as pivot tables do: cells "
+                "without a reading may be blank."
+            )
+    return ""

@@ -31,9 +31,15 @@ from pliant.measurements.header import Header, read_header
 from pliant.measurements.highpass import noise_variance
 from pliant.measurements.interleaved import Line, filled_inputs, line_doubt
 from pliant.measurements.notes import file_digest, notes_on
-from pliant.measurements.plausible import as_key, as_remark, implausible_columns, time_doubts
+from pliant.measurements.plausible import (
+    as_key,
+    as_remark,
+    implausible_columns,
+    time_doubts,
+    vacuum_doubts,
+)
 from pliant.measurements.proposing import rate_doubts, rename_line, run_doubts
-from pliant.measurements.wrapping import Unwrapper, stated_unwrapper, turn_doubts
+from pliant.measurements.wrapping import Unwrapper, hour_doubts, stated_unwrapper, turn_doubts
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History, LetGo
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
@@ -441,6 +447,10 @@ def _doubts(
     for i, name in enumerate(inputs):
         if any(column_si_unit(name) == column_si_unit(other) for other in inputs[:i]):
             del largest[name]  # of inputs with the same unit only the largest is judged: the others may idle
+    usual = {
+        name: float(np.mean([np.nanmean(h.actuation[name]) for h in histories if len(h)])) for name in inputs
+    }
+    doubts += [*hour_doubts(runs, clock), *vacuum_doubts(usual, notes_name, columns)]
     doubts += implausible_columns(largest, expected, notes_name, columns)
     judged = {name: column for name, column in columns.items() if column.written not in doubted}
     return doubts + sensor_doubts(runs, judged, notes_name)

@@ -15,6 +15,7 @@ from pliant.measurements.plausible import as_key
 from pliant.records.design import Array
 from pliant.records.measurement import Doubt, MeasuredRun
 from pliant_tables.cells import Cells
+from pliant_tables.clock import FEW_STEPS, HOUR_S
 from pliant_tables.schema import FileColumn, noted
 from pliant_tables.units import parse_si_value, stem
 
@@ -80,6 +81,25 @@ def stated_unwrapper(
         spans[place] = span if si else span / abs(column.scale)
     clock = next((place for place, column in enumerate(columns) if column.role == "time"), None)
     return Unwrapper(spans, clock)
+
+
+def hour_doubts(runs: Sequence[MeasuredRun], clock: FileColumn | None) -> list[Doubt]:
+    """Return a doubt for a clock of dates or times of day that jumps forward by an hour: summer time began."""
+    if clock is None or not clock.stamped:
+        return []
+    for run in runs:
+        steps = np.diff(run.history.time_s) if run.history.time_s is not None else np.zeros(0)
+        gained = steps - HOUR_S
+        most = FEW_STEPS * float(np.median(steps)) if steps.size else 0.0
+        jumps = np.flatnonzero((gained > 0) & (gained <= most))
+        if jumps.size == 1:
+            first, second = (int(run.lines[jumps[0] + k]) for k in (0, 1))
+            text = (
+                f"{clock.written} jumps forward by an hour from line {first} to {second}, as a clock does when summer "
+                "time begins: if it was set, write the times with their offset, such as +02:00. Nothing was changed."
+            )
+            return [Doubt(clock.written, "clock", text)]
+    return []
 
 
 def turn_doubts(
