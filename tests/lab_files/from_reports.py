@@ -319,14 +319,14 @@ def durations_in_words() -> LabFile:
 def overload_as_a_large_number() -> LabFile:
     """Return an overload that a multimeter writes as 9.99999999e+37 (N0ury/dmm_util#26)."""
     angles = [digits(a) for a in DEG]
-    angles[20] = angles[21] = "9.99999999e+37"
+    angles[20], angles[21] = "9.99999999e+37", "9.99999999E+37"
     missing = np.array([np.nan if k in (20, 21) else a for k, a in enumerate(ONE["slow"]["angle_rad"])])
     return LabFile(
         "an overload as a large number",
         {"a.csv": text(HEAD, *rows(T, KPA, angles))},
         {"a": {**part(*TPA)["slow"], "angle_rad": missing}},
         stated={"missing": ["9.99999999e+37"]},
-        refused=("lines 22, 23", "beyond", "missing: [9.99999999e+37]"),
+        refused=("lines 22, 23", "beyond", 'missing: ["9.99999999e+37"]'),
     )
 
 

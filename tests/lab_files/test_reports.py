@@ -118,3 +118,14 @@ def test_a_clock_that_is_set_forward_is_doubted(tmp_path: Path):
     assert [doubt.kind for doubt in found.doubts] == ["clock"]
     pause = [stamp.replace(" 03:00:", " 03:10:") for stamp in stamps]  # an hour and ten minutes: a pause
     assert not read(tmp_path, a=text("time,pressure_kpa,angle_deg", *rows(pause, KPA, DEG))).doubts
+
+
+@pytest.mark.parametrize(
+    ("mark", "cell"), [("-9999999", "-9999999.00"), ('"9.9E37"', "9.900000E+37"), ("-999", "-999")]
+)
+def test_a_number_that_stands_for_a_missing_value_is_one_in_any_notation(
+    tmp_path: Path, mark: str, cell: str
+):
+    table = text("time_s,pressure_kpa,angle_deg", "0,0,0", f"1,1,{cell}", "2,2,2")
+    found = read(tmp_path, f"missing: [{mark}]", a=table)
+    assert np.degrees(found.runs[0].outputs["angle_rad"]) == pytest.approx([0, np.nan, 2], nan_ok=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -39,7 +39,13 @@ from pliant.measurements.plausible import (
     vacuum_doubts,
 )
 from pliant.measurements.proposing import rate_doubts, rename_line, run_doubts
-from pliant.measurements.wrapping import Unwrapper, hour_doubts, stated_unwrapper, turn_doubts
+from pliant.measurements.wrapping import (
+    Unwrapper,
+    hour_doubts,
+    stated_unwrapper,
+    turn_doubts,
+    with_whole_turns,
+)
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History, LetGo
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
@@ -170,7 +176,10 @@ def read_measurement(
     own_columns = {column.name: column for column in header.columns}
     doubts += _line_doubts(runs, own_columns, gatherer.lines, other, notes, notes_name)
     turns = turn_doubts(runs, own_columns, notes, notes_name)
-    doubts += [*turns, *_doubts(runs, expected or {}, notes_name, own_columns, {d.column for d in turns})]
+    continued = with_whole_turns(
+        runs, [name for name, c in own_columns.items() if c.written in {d.column for d in turns}]
+    )
+    doubts += [*turns, *_doubts(continued, expected or {}, notes_name, own_columns)]
     said += map(as_remark, doubts)
     doubts += [Doubt(text.partition(":")[0], "order", text) for text in gatherer.order_remarks()]
     return Measurement(
@@ -427,9 +436,8 @@ def _doubts(
     expected: Mapping[str, tuple[float, float]],
     notes_name: str,
     columns: Mapping[str, FileColumn],
-    doubted: Container[str],
 ) -> list[Doubt]:
-    """Return doubts about columns whose values do not fit their stated quantity; `doubted`: have one already."""
+    """Return doubts about columns whose values do not fit their stated quantity."""
     histories = [run.history for run in runs]
     doubts: list[Doubt] = []
     clock = columns.get("time_s")
@@ -452,8 +460,7 @@ def _doubts(
     }
     doubts += [*hour_doubts(runs, clock), *vacuum_doubts(usual, notes_name, columns)]
     doubts += implausible_columns(largest, expected, notes_name, columns)
-    judged = {name: column for name, column in columns.items() if column.written not in doubted}
-    return doubts + sensor_doubts(runs, judged, notes_name)
+    return doubts + sensor_doubts(runs, columns, notes_name)
 
 
 def _line_doubts(

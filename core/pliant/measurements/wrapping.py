@@ -127,3 +127,17 @@ def turn_doubts(
                 doubts.append(Doubt(column.written, "turn", text))
                 break
     return doubts
+
+
+def with_whole_turns(runs: Sequence[MeasuredRun], names: Sequence[str]) -> list[MeasuredRun]:
+    """Return the runs with some angles continued over whole turns, to judge their zeros."""
+    found = []
+    for run in runs:
+        outputs = dict(run.outputs)
+        for name in names:
+            there = np.isfinite(outputs[name])
+            continued = outputs[name].copy()
+            continued[there] = np.unwrap(continued[there])
+            outputs[name] = continued
+        found.append(run.with_outputs(outputs))
+    return found
