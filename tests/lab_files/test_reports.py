@@ -129,3 +129,11 @@ def test_a_number_that_stands_for_a_missing_value_is_one_in_any_notation(
     table = text("time_s,pressure_kpa,angle_deg", "0,0,0", f"1,1,{cell}", "2,2,2")
     found = read(tmp_path, f"missing: [{mark}]", a=table)
     assert np.degrees(found.runs[0].outputs["angle_rad"]) == pytest.approx([0, np.nan, 2], nan_ok=True)
+
+
+def test_a_switch_of_a_joined_file_holds_its_state(tmp_path: Path):
+    valve = text("time_s,pressure_kpa,valve_open", "0,0,1", "1,3,1", "1.5,3,0", "2.4,3,0")
+    found = read(tmp_path, "join: {file: valve.csv, hold: false}", a=CAMERA, valve=valve)
+    history = found.runs[0].history
+    assert history.valve_open is not None and history.valve_open.tolist() == (T < 1.5).astype(float).tolist()
+    assert history.actuation["pressure_pa"][20] == pytest.approx(2400)

@@ -25,6 +25,7 @@ from pliant_tables.units import parse_si_value
 
 NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
 FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
+SWITCH = "valve_open"  # holds its state from row to row
 MOST_ROWS = 20_000_000  # of a joined file
 AT_ITS_ENDS = 1e-9  # of its span by which a time may exceed it: clocks are written with few digits
 
@@ -87,8 +88,8 @@ class Joined:
             reach = AT_ITS_ENDS * max(float(np.ptp(clock)), 1.0)
             inside = (times >= clock[0] - reach) & ((times <= clock[-1] + reach) | self.hold)
             within = np.clip(times, clock[0], clock[-1])
-            for k, values in enumerate(columns):
-                own = values_between(within, clock, values, self.hold)
+            for k, (name, values) in enumerate(zip(self.columns, columns, strict=True)):
+                own = values_between(within, clock, values, self.hold or name == SWITCH)
                 found[k] = np.where(rows & inside, own, found[k])
         return list(found)
 
