@@ -82,7 +82,7 @@ def fitted(path: Path, of: Study = NEO, **options: Any) -> Calibration:
         (
             "stretch,nominal_stress_pa",
             (STRETCH, ["x"] * 9),
-            "line 2: column nominal_stress_pa: 'x' is not a number",
+            "lines 2, 3.*: column nominal_stress_pa: 'x' is not a number",
         ),
         ("stretch,nominal_stress_pa", (STRETCH, [""] * 9), "no row is left to fit"),
         (

@@ -85,7 +85,8 @@ def _as_list(value: Any) -> Any:
 
 
 def _as_text(value: Any) -> Any:
-    return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else value
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return repr(value).removesuffix(".0") if number else value
 
 
 CellText = Annotated[Name, BeforeValidator(_as_text)]
@@ -97,6 +98,11 @@ class JoinedFile(FrozenModel):
     file: Name = Field(description="the other file, relative to this one")
     shift_s: Time = Field(
         0.0, description="added to the other file's clock, to make it this one's, e.g. -0.4 s"
+    )
+    hold: bool | None = Field(
+        None,
+        description="true: each value holds until the next row, and the last one to the end, as in a log of changes; "
+        "false: straight lines, as by default",
     )
 
 
@@ -228,10 +234,20 @@ class MeasurementNotes(ColumnNotes):
         None,
         description="another logger's inputs or conditions, taken as straight lines at this file's times",
     )
+    hold: dict[Name, bool] = Field(
+        default_factory=dict,
+        description="of an input in rows of its own, true: each value holds until the next one; false: straight "
+        "lines, as by default, e.g. {pressure_kpa: true}",
+    )
     zero: dict[Name, float | str] = Field(
         default_factory=dict,
         description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}; of readings also 'unknown', "
         "'per run': the offset of all runs, or of each, that fits best",
+    )
+    wrap: dict[Name, float | str] = Field(
+        default_factory=dict,
+        description="span after which a column begins again, e.g. {angle_deg: 360 deg, time_us: 4294967296 us}; an "
+        "hour for a clock that was set back",
     )
     frame: SensorFrameConfig | None = Field(
         None, description="the frame of a camera or of a pair of bend sensors, where it is turned"
