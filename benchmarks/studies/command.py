@@ -321,7 +321,7 @@ def run_command(work: Callable[[], Any]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print("interrupted; finished work is kept, run the same command to go on.", file=sys.stderr)
+        print("interrupted; finished work is kept, run the same command to continue.", file=sys.stderr)
         return INTERRUPTED
     return 0
 

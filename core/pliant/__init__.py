@@ -1,4 +1,4 @@
-"""Pliant: soft robots from finite elements to fast, honest chain models.
+"""Pliant: soft robots from finite elements to fast chain models with a stated error.
 
     import pliant
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pliant.notebook.study import fit, read
     from pliant.notebook.study import open_study as open
 
-# Public names that are called otherwise where they stand.
+# Public names that differ from the names in their modules.
 _NAMES = {"open": "open_study", "Study": "ComposedStudy"}
 _OF_STUDIES = ("fit", "open", "read")
 

@@ -54,7 +54,13 @@ class Problems:
             raise self.error(f", and reading stopped at line {line}")
 
     def error(self, ending: str = "") -> UserError:
-        lines = [f"  line {line}: {text}" for line, text in sorted(self.found)]
+        alike: dict[str, list[int]] = {}
+        for line, text in sorted(self.found):
+            alike.setdefault(text, []).append(line)
+        lines = [
+            f"  line{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}: {text}"
+            for text, numbers in alike.items()
+        ]
         more = self.count - len(self.found)
         if more or ending:
             lines.append(f"  … and {more} more{ending}")
@@ -121,17 +127,19 @@ class CellBlock:
     def numbers(self, place: int, column: str) -> Array:
         """Return a column as floats: NaN where blank or marked missing; texts and infinities become problems."""
         cells = self.columns[place]
-        if isinstance(cells, tuple):
-            values = self._parsed(cells, column)
-        else:
-            stated = [float(text) for text in self.marks.missing if is_number(text)]
-            values = np.where(np.isin(cells, stated), np.nan, cells) if stated else cells
+        values = self._parsed(cells, column) if isinstance(cells, tuple) else cells
+        if stated := [float(text) for text in self.marks.missing if is_number(text)]:
+            values = np.where(np.isin(values, stated), np.nan, values)  # in any notation: -999.0, 9.9E37
         size = np.abs(values)
         for index in np.flatnonzero(size > BEYOND):
             what = (
                 "infinite" if np.isinf(size[index]) else f"beyond ±{BEYOND:g}, and no quantity is that large"
             )
             text = f"column {column} is {what}; leave it blank where nothing was read"
+            if isinstance(cells, tuple) and np.isfinite(size[index]):
+                text += (
+                    f", or write 'missing: [\"{float(values[index])!r}\"]' into {self.problems.notes_name}"
+                )
             self.problems.add(int(self.lines[index]), text)
         # Their squares underflow; such values are the tail of a decaying filter.
         return np.where(size < NOTHING, 0.0, values) if (size < NOTHING).any() else values

@@ -19,6 +19,7 @@ STAMP = re.compile(
     rf"(?:(?:{_ISO}|{_GERMAN}|{_SLASHED})(?:[T ,]\s*{_CLOCK.replace('?P<', '?P<at_')})?|{_CLOCK})"
     r"\s*(?:Z|[+-]\d\d:?\d\d)?"
 )
+OFFSET = re.compile(r"\s*(?:Z|([+-])(\d\d):?(\d\d))$", re.MULTILINE)
 NO_STAMP = np.iinfo(np.int64).min
 DAY = 86_400_000_000  # microseconds
 
@@ -53,13 +54,31 @@ def microseconds(cells: Sequence[str]) -> Any:
 
     Raises `ValueError` for dates with slashes whose differences depend on the order of month and day.
     """
+    cells = [cell.strip() for cell in cells]
+    if OFFSET.search("\n".join(cells)):
+        stamps = _local_microseconds([OFFSET.sub("", cell) for cell in cells])
+        return np.where(stamps == NO_STAMP, stamps, stamps - np.array([_ahead(cell) for cell in cells]))
+    return _local_microseconds(cells)
+
+
+def _ahead(cell: str) -> int:
+    """Return by how many microseconds the clock of a stamp is ahead of universal time, by its offset: +02:00."""
+    match = OFFSET.search(cell)
+    if match is None or match[1] is None:
+        return 0
+    minutes = 60 * int(match[2]) + int(match[3])
+    return (minutes if match[1] == "+" else -minutes) * 60_000_000
+
+
+def _local_microseconds(cells: Sequence[str]) -> Any:
+    """Return the microseconds of stamps without an offset."""
     try:
-        iso = np.array([cell.strip() for cell in cells], "datetime64[us]")
+        iso = np.array(cells, "datetime64[us]")
         if not np.isnat(iso).any():
             return iso.astype(np.int64)
     except ValueError:
         pass
-    matches = [STAMP.fullmatch(cell.strip()) for cell in cells]
+    matches = [STAMP.fullmatch(cell) for cell in cells]
     stamps = _all(matches, month_first=True)
     if not any(match is not None and match["one"] for match in matches):
         return stamps

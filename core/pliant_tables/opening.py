@@ -20,6 +20,11 @@ NO_TABLES = {
     b"%PDF": "it is a PDF; export the numbers as CSV",
     b"\xd0\xcf\x11\xe0": "it is an old spreadsheet; save the table as .xlsx or 'CSV UTF-8'",
     b"MATLAB 7.3": "it is of MATLAB 7.3; write it by save(…, '-v7')",
+    b"TDSm": "it is a TDMS file of LabVIEW; export its channels as CSV or .xlsx, or by nptdms in Python",
+    b"#ROSBAG": "it is a ROS bag; write a topic as CSV by 'rostopic echo -b FILE -p TOPIC'",
+    b"\x89MCAP": "it is a bag of ROS 2; write a topic as CSV, as PlotJuggler does",
+    b"SQLite format 3": "it is a database, as of a ROS 2 bag; write a table or a topic as CSV",
+    b"\x1f\x8b": "it is compressed by gzip; unpack it",
     b"\x89HDF": "it is an HDF5 file; write MATLAB's by save(…, '-v7'), others as CSV or Parquet",
 }
 MOST_COLUMNS, LONGEST_NAME = 2000, 300

@@ -18,6 +18,7 @@ _NO_POSITION = (
     r"(?!.*(rotat|\brot|orient|quat|covar|euler|angl|forc|momen|torq|accel|veloc|gyro|magn|curv|press))"
 )
 _AXIS = _NO_POSITION + r"(.*[ :_])?{0}([ _]?(pos(ition)?|coord(inate)?))?"
+_OF_A_TEST = r"(nominal|eng|engineering|technical|tensile|compressive|compression)"
 # Possible names, for proposals only: names used by solvers and laboratories.
 LIKELY: Mapping[str, str] = {
     "pressure": r"p|pres.*|pn.*|druck.*",
@@ -26,8 +27,8 @@ LIKELY: Mapping[str, str] = {
     "moment": r"m|mom.*|torque.*|rm\d?|mz|my|tau|drehmoment.*",
     "tendon_travel": r"weg|travel.*|stroke.*|hub",
     "payload": r"masse|mass|load.*|last",
-    "nominal_stress": r"((nominal|eng|engineering|technical)[ _])?stress.*|sig.*|spannung.*",
-    "strain": r"((nominal|eng|engineering|technical)[ _])?strain.*|dehnung.*",
+    "nominal_stress": rf"({_OF_A_TEST}[ _])?stress.*|sig.*|spannung.*",
+    "strain": rf"({_OF_A_TEST}[ _])?strain.*|dehnung.*|stauchung.*",
     "extension": r"displ.*|ext.*|delta_?l|elong.*|verschiebung.*",
     "time": r"t|time.*|zeit.*",
     **{f"tip_{axis}": _AXIS.format(axis) for axis in "xyz"},
@@ -37,6 +38,9 @@ COMMAND = re.compile(
 )
 QUALIFIERS = re.compile(r"\b(actual|measured|meas|ist|real|raw|filtered|sensor|current)\b")
 # True (deformed) quantities of the strip: force over the area under load, and the logarithm of the stretch.
+VACUUM = re.compile(r"\b(vacuum|vakuum|unterdruck|suction)\b")
+COMPRESSION = re.compile(r"\b(compress\w*|stauch\w*|druckkraft|druckspannung)\b")
+SHEAR = re.compile(r"\b(shear|schub\w*|scher\w*)\b")
 TRUE = re.compile(r"\b(true|cauchy|log|logarithmic|hencky|wahre)\b")
 OF_THE_STRIP_AT_REST = ("nominal_stress", "strain", "stretch")
 CLOSE = 0.7  # likeness from which a name is a misspelling

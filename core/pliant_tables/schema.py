@@ -26,6 +26,7 @@ from pliant_tables.wording import plural
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
 NOTHING: Mapping[str, str] = {}
 Entry = TypeVar("Entry")
+CLOCKS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # of microcontrollers
 STAMPS, FRAMES = "date", "frames"  # units of a clock with time stamps, or numbers of pictures
 
 
@@ -187,7 +188,7 @@ class Schema:
 
         `Druck` with a unit, or `Druck_mbar` → (`pressure_pa`, "mbar").
         """
-        cuts: list[tuple[str, str | None]] = [(name, unit)]
+        cuts: list[tuple[str, str | None]] = [CLOCKS.get(name.strip().lower(), (name, unit))]
         for k in (k for k, mark in enumerate(name) if mark == "_"):
             after = name[k + 1 :]
             cuts.append((name[:k], SPELLINGS.get(after, ENDINGS.get(after.lower()))))

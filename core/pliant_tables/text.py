@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import repeat
 from pathlib import Path
@@ -26,6 +26,7 @@ from pliant_tables.cells import (
 from pliant_tables.errors import UserError
 from pliant_tables.header import WINDOW
 from pliant_tables.sheet import Sheet
+from pliant_tables.unit_columns import note_other_units
 from pliant_tables.wording import plural
 
 BLOCK = 1 << 22  # characters read at a time
@@ -36,11 +37,15 @@ QUOTED_LINES = 20  # maximum lines of a quoted cell
 
 @dataclass
 class TextSheet(Sheet):
-    """A text file. `rest` has been read and not yet yielded; its first line is `line`."""
+    """A text file. `rest` has been read and not yet yielded; its first line is `line`.
+
+    `beside`: columns of units, by their place: the name of the column before each, and its unit.
+    """
 
     file: IO[str] = field(default_factory=io.StringIO)
     rest: str = ""
     line: int = 1
+    beside: Mapping[int, tuple[str, str]] = field(default_factory=dict)
 
     def close(self) -> None:
         """Close the file."""
@@ -61,6 +66,7 @@ class TextSheet(Sheet):
             texts = lines if len(kept) == len(lines) else [lines[i] for i in kept]
             block = self._parsed(texts, np.array(kept) + first)
             if block.lines.size:
+                note_other_units(block, self.beside)
                 yield block
 
     def _lines(self) -> Iterator[tuple[int, list[str]]]:

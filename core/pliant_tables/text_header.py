@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -25,7 +26,9 @@ from pliant_tables.clean import clean_header
 from pliant_tables.errors import UserError
 from pliant_tables.header import WINDOW, Found, Row, find_header
 from pliant_tables.preamble import qualisys_header, with_length_unit
+from pliant_tables.serial_log import SerialLog, opened_log
 from pliant_tables.text import COMMENTS, TextSheet, beginning, csv_reader
+from pliant_tables.unit_columns import with_units_beside
 from pliant_tables.wording import plural
 
 SEPARATORS = (";", "\t", ",", " ")
@@ -64,6 +67,9 @@ def _with_header(
     """Return the sheet; lines before `begin` are preamble."""
     text = beginning(path, file)
     lines = text.split("\n")[:WINDOW]
+    if (log := opened_log(io.StringIO(text), lines)) is not None:
+        text = log.read()
+        lines, file = text.split("\n")[:WINDOW], SerialLog(file, log.separator, log.names)
     written = enumerate(lines[begin - 1 :], begin - 1)
     shown = [k for k, line in written if line.strip() and not line.lstrip().startswith(COMMENTS)]
     if not shown and begin > 1:
@@ -74,16 +80,20 @@ def _with_header(
     if not shown:
         raise UserError(f"{path}: the table is empty; it needs a header such as {example}.")
     separator, found = _found(lines, shown, marks)
+    if log is not None and log.names:
+        separator, found = log.separator, Found(list(log.names), shown[0], shown[0], len(shown))
     if found is None:
         separator, found = _first_line(path, lines, shown[0], example, marks)
     if any(name.endswith(AXES) for name in found.names):
         found = replace(found, names=with_length_unit(found.names, lines[: found.at], separator))
+    rows = [cells for k in shown if k >= found.start and (cells := _cells(lines[k], separator))]
+    names, beside = with_units_beside(found.names, rows)
+    found = replace(found, names=names)
     count = Counter(filter(None, found.names))
     if repeated := sorted(name for name, times in count.items() if times > 1):
         raise UserError(
             f"{path}, line {found.at + 1}: column '{repeated[0]}' stands {count[repeated[0]]} times; keep one."
         )
-    rows = [cells for k in shown if k >= found.start and (cells := _cells(lines[k], separator))]
     marks = _marks(rows, separator, marks)
     _check_widths(path, found, rows, separator)
     return TextSheet(
@@ -98,6 +108,7 @@ def _with_header(
         rest=text[sum(len(line) + 1 for line in lines[: found.start]) :],
         line=found.start + 1,
         separator=separator,
+        beside=beside,
     )
 
 

@@ -16,6 +16,7 @@ ENDINGS = {
     **{"gf": "gf", "kgf": "kgf", "nm": "N*m", "n_m": "N*m", "nmm": "N*mm", "n_mm": "N*mm", "mnm": "mN*m"},
     **{"mn_m": "mN*m", "ncm": "N*cm", "n_cm": "N*cm", "c": "degC", "k": "K", "f": "degF"},
     **{"1_per_m": "m^-1", "1_per_mm": "mm^-1", "per_m": "m^-1", "per_mm": "mm^-1"},
+    **{"torr": "torr", "mmhg": "mmHg", "cmh2o": "cmH2O", "inhg": "inHg", "kgf_cm2": "kgf/cm^2"},
     **{"degc": "degC", "degf": "degF", "percent": "percent", "pct": "percent", "strain": "dimensionless"},
 }
 # Common spellings that `pint` would read as something else or not at all.
@@ -51,6 +52,9 @@ SPELLINGS = {
         "Min": "min",
     },
     **{"µm": "um", "μm": "um", "gr": "g", "fps": "Hz"},
+    **{f"{force}/cm{two}": "kgf/cm^2" for force in ("kgf", "kg", "kp") for two in ("2", "²", "^2")},
+    **{f"{force}/{length}2": f"{force}/{length}^2" for force in ("N", "kN") for length in ("mm", "cm", "m")},
+    **{"Torr": "torr", "TORR": "torr", "mmhg": "mmHg", "mmH2O": "mmH2O"},
 }
 # Units written out by instruments, in any capitals.
 WORDS = {

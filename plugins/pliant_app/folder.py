@@ -57,7 +57,7 @@ class SessionFolder:
                 yield
         except Timeout:
             raise UserError(
-                f"{self.path}: another 'pliant app' has this session open; go on in its page, or give another --out."
+                f"{self.path}: another 'pliant app' has this session open; continue in its page, or give another --out."
             ) from None
 
     def state(self) -> PageState:

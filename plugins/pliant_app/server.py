@@ -282,7 +282,7 @@ def serve(controller: SessionController, port: int, browse: bool, say: Callable[
         address = f"http://{LOOPBACK}:{here}/?token={token}"
         say(f"page     {address}")
         say(f"session  {controller.folder.path}")
-        say("Ctrl-C ends the page; everything is saved, and the same command goes on.")
+        say("Ctrl-C ends the page; everything is saved, and the same command continues.")
         if browse:
             webbrowser.open(address)
         config = uvicorn.Config(

@@ -129,9 +129,9 @@ def fit_doubts(
         aside = doubts_aside(model, kinds, before, after, noise)
         said += [one for one in aside if not left_out or "become worse" in one]
     if found.absent:
-        said.append(f"No strength of {listed(found.absent)} is told from zero by these runs.")
+        said.append(f"No strength of {listed(found.absent)} differs from zero in these runs.")
     if not found.fit.converged:
-        said.append("The fit did not settle; believe its numbers less.")
+        said.append("The fit did not converge; its values are less reliable.")
     return said
 
 

@@ -45,7 +45,7 @@ def too_large() -> UserError:
     """Return the error for a file above the limit."""
     return UserError(
         f"the file is larger than {MOST_BYTES // 1024**2} MB, the most that the page takes; read it by "
-        "'pliant app STUDY.yaml FILE', which knows no bound."
+        "'pliant app STUDY.yaml FILE', which has no limit."
     )
 
 

@@ -46,8 +46,8 @@ from pliant_app.unseen_runs import fit_doubts, step_doubts
 Tick = Callable[[str], None]
 # Modules that a diagnosis of the page is computed with, besides effects and engine.
 MODULES = ("pliant_app.work", "pliant.diagnosis.diagnosis", "pliant.report.diagnosis")
-# Why the page and the command may differ: they are asked of other runs.
-ASKS_ALL = "This was asked of the other runs; 'pliant diagnose' asks all of them, and may answer otherwise."
+# Why the page and the command may differ: they use different runs.
+ASKS_ALL = "This result is from the other runs; 'pliant diagnose' uses all runs, and its result may differ."
 # A ticked effect below this probability is reported as unlikely.
 UNLIKELY = 0.05
 

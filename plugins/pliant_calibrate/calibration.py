@@ -164,7 +164,8 @@ def _initial_from_curve(
     first = curves.first_slope(material)
     if first * slope <= 0:
         raise UserError(
-            f"{data.source}: {data.y_name} falls where the module's rises; positive angles bend the way actuation does."
+            f"{data.source}: {data.y_name} falls where the module's rises; positive angles bend in the "
+            "direction of actuation."
         )
     return moduli_scaled(material, first / slope) or material
 
@@ -227,8 +228,8 @@ def _fitted(
 def _at_limit(problem: BlackBox, fitted: Sequence[MaterialConstant]) -> list[str]:
     limit = np.full(len(fitted), np.inf) if problem.limit is None else problem.limit
     return [
-        f"{one.written} ended at {one.value:g}, the largest power that is searched: its term serves the outermost rows "
-        "alone. Use fewer terms, or another law."
+        f"{one.written} ended at {one.value:g}, the largest power that is searched: its term affects only the "
+        "outermost rows. Use fewer terms, or another law."
         for one, most in zip(fitted, limit, strict=True)
         if abs(one.value) >= most * (1 - 1e-9)
     ]

@@ -19,6 +19,8 @@ DOUBTFUL_STRETCH = 8.0
 SMALL, DOUBTFUL_BEGIN = 0.01, 0.8
 # Of the range: allowed difference of a free curve's rise and fall, or of readings at one actuation; smallest step.
 MOTION, HELD, FEWEST = 0.1, 1e-3, 3
+# A pull's first rows: the largest strain, their least number and reach, and the rise of the secant that is doubted.
+FIRST_STRAIN, FEWEST_STEEP, LEAST_STRAIN, STEEPER = 0.4, 5, 0.1, 0.1
 # Shear moduli in Pa: outside the first range a unit is wrong, outside the second a value is remarked on.
 POSSIBLE_PA = (100.0, 1e9)
 USUAL_PA = (2e3, 1e8)
@@ -82,6 +84,27 @@ def check_tensile(
     if stretch.max() > DOUBTFUL_STRETCH:
         remarks.append(f"The data reach a stretch of {stretch.max():.3g}; is the strain in percent?")
     return remarks
+
+
+def steepening(stretch: Array, stress: Array) -> list[str]:
+    """Return a remark if a pull stiffens from its first rows on: compression that counts positive, or a slack strip.
+
+    Args:
+        stretch, stress: (n,) of the rows of a uniaxial test.
+    """
+    strain = stretch - 1
+    first = (strain >= 0) & (strain <= FIRST_STRAIN)
+    reach = float(strain[first].max(initial=0.0))
+    if first.sum() < FEWEST_STEEP or reach < LEAST_STRAIN or (strain < 0).any():
+        return []
+    slope, bend = np.linalg.lstsq(np.column_stack([strain, strain**2])[first], stress[first], rcond=None)[0]
+    if not slope > 0 or bend * reach < STEEPER * slope:
+        return []
+    return [
+        f"Up to a strain of {reach:.2g} the stress rises ever more steeply, and rubber that is pulled softens there. "
+        "If the rows are of compression, write strain and stress negative; if the strip was slack at first, "
+        "subtract that."
+    ]
 
 
 def _without_stress(strain: Array, stress: Array) -> float:
@@ -176,11 +199,11 @@ def check_modulus(shear_modulus_pa: float, y_name: str) -> list[str]:
     value = shear_modulus_pa
     if not POSSIBLE_PA[0] <= value <= POSSIBLE_PA[1]:
         raise UserError(
-            f"The data ask for a shear modulus of {value:.3g} Pa; rubbers have 2 kPa to 100 MPa. Is a unit wrong? A "
+            f"The data require a shear modulus of {value:.3g} Pa; rubbers have 2 kPa to 100 MPa. Is a unit wrong? A "
             f"column's name says its unit, such as nominal_stress_mpa, pressure_kpa ({y_name} is read in SI)."
         )
     if not USUAL_PA[0] <= value <= USUAL_PA[1]:
         return [
-            f"A shear modulus of {value:.3g} Pa is unusual for a rubber (2 kPa to 100 MPa); look at the units."
+            f"A shear modulus of {value:.3g} Pa is unusual for a rubber (2 kPa to 100 MPa); check the units."
         ]
     return []

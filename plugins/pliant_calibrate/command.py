@@ -31,7 +31,7 @@ TestName = Annotated[
     typer.Option(
         "--test",
         metavar="TEST",
-        help="free, uniaxial, equibiaxial or planar; by default the file's columns tell.",
+        help="free, uniaxial, equibiaxial or planar; by default from the file's columns.",
     ),
 ]
 Keys = Annotated[

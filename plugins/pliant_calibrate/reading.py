@@ -22,10 +22,10 @@ from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
-from pliant_calibrate.checks import ADVICE, check_at_rest, check_free, check_tensile
+from pliant_calibrate.checks import ADVICE, check_at_rest, check_free, check_tensile, steepening
 from pliant_tables.cells import Problems, lines_text
 from pliant_tables.opening import open_sheet
-from pliant_tables.proposals import TRUE, lines_to_write, plain_words, proposed
+from pliant_tables.proposals import COMPRESSION, SHEAR, TRUE, lines_to_write, plain_words, proposed
 from pliant_tables.schema import (
     FileColumn,
     Known,
@@ -41,6 +41,7 @@ from pliant_tables.units import stem
 Kind = Literal["tensile", "free"]
 SIDE_BY_SIDE = re.compile(r"(stretch|strain|stress)[ _-]+(\w+?)(?:[ _]*[(\[].*)?", re.IGNORECASE)
 TESTS = (*MODES, "free")
+SIMPLE_SHEAR = "simple shear is not fitted, and 'planar', the pull of a wide strip, is another deformation"
 KNOWN = (
     Known("specimen", "", "", "text"),
     Known("test", "", "", "text"),
@@ -139,9 +140,8 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     mode = np.array([word.lower() or default for word in mode.tolist()])
     for line, word in zip(lines.tolist(), mode.tolist(), strict=True):
         if kind == "tensile" and word not in MODES:
-            problems.add(
-                line, f"column test: '{word}' is not one of {', '.join(MODES)}{closest(word, MODES)}"
-            )
+            why = f"; {SIMPLE_SHEAR}" if SHEAR.search(word) else closest(word, MODES)
+            problems.add(line, f"column test: '{word}' is not one of {', '.join(MODES)}{why}")
     stated = f"sigma_{y.name}"
     sigma = rows.numbers[stated][kept] if stated in columns else None
     if sigma is not None:
@@ -151,7 +151,10 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     set_to, measured = (rows.numbers[column.name][kept] for column in (x, y))
     set_to = 1 + set_to if x.name == "strain" else set_to
     if kind == "tensile":
+        set_to, measured = _with_compression_negative((x, y), set_to, measured, remarks)
+    if kind == "tensile":
         remarks += check_tensile(path, x.written, y.written, set_to, measured, lines, x.name == "strain")
+        remarks += steepening(set_to[mode == "uniaxial"], measured[mode == "uniaxial"])
     else:
         remarks += check_free(path, x.written, y.written, set_to, measured, lines, y.name == "angle_rad")
         remarks += check_at_rest(path, clock.written, x, y, set_to, measured) if clock is not None else []
@@ -182,6 +185,9 @@ def _kind(path: Path, header: Sequence[str], columns: dict[str, FileColumn], tes
     wanted = {name: UNITS[name] for kind in OF_KIND.values() for names in kind for name in names}
     said = proposed(named, wanted)
     lines = lines_to_write(path, "", said.rename, said.units, said.reasons)
+    sheared = next((name for name in named if SHEAR.search(plain_words(name))), None)
+    if sheared is not None and not said.rename:
+        raise UserError(f"{path}: '{sheared}': {SIMPLE_SHEAR}. Measure a pull of the rubber.")
     raise UserError(
         f"{path}: it is neither a tensile test (stretch or strain, nominal_stress_pa) nor a free curve (pressure_pa or "
         f"tendon_force_n, angle_rad or extension_m); its columns are {', '.join(named)}.{lines}"
@@ -214,8 +220,11 @@ def _needed(
 def _check_at_rest_sizes(
     path: Path, needed: Sequence[FileColumn], notes: TensileNotes, notes_name: str
 ) -> None:
-    """Raise `UserError` if a column named true or logarithmic is renamed to one relative to the strip at rest."""
+    """Raise `UserError` if a column of the deformed strip, or of simple shear, is renamed to one of a pull."""
     for column in needed:
+        if SHEAR.search(plain_words(column.written)):
+            where = notes.at(notes_name, "rename", column.written)
+            raise UserError(f"{where}: '{column.written}' of {path.name}: {SIMPLE_SHEAR}.")
         if TRUE.search(plain_words(column.written)):
             where = notes.at(notes_name, "rename", column.written)
             raise UserError(
@@ -257,6 +266,22 @@ def _meant(names: Sequence[str], unknown: Sequence[str]) -> str:
         if hint != ".":
             return hint.replace("did you mean", "the file has").replace("?", ".")
     return "."
+
+
+def _with_compression_negative(
+    columns: Sequence[FileColumn], stretch: Array, stress: Array, remarks: list[str]
+) -> tuple[Array, Array]:
+    """Return stretch and stress with compression negative; columns that are named as compressive count it positive."""
+    x, y = (COMPRESSION.search(plain_words(column.written)) is not None for column in columns)
+    turned = []
+    if x and np.median(stretch) > 1:
+        stretch, turned = 2 - stretch, [columns[0].written]
+    if y and np.median(stress) > 0:
+        stress, turned = -stress, [*turned, columns[1].written]
+    if turned:
+        names = " and ".join(f"'{name}'" for name in turned)
+        remarks.append(f"{names}: compression is positive there, and was taken as negative.")
+    return stretch, stress
 
 
 def _kept(path: Path, rows: Values, needed: tuple[FileColumn, FileColumn], remarks: list[str]) -> np.ndarray:

@@ -230,8 +230,9 @@ def calibration_remarks(found: Calibration, scales: Array, touching: float | Non
         )
     if not found.converged:
         remarks.append(
-            "The fit still moved when it was stopped: these data hardly tell its constants apart. Fit fewer terms or "
-            "constants (--fit), add a second kind of test, or go on from these values (--out, then calibrate again)."
+            "The fit had not converged when it was stopped: these data hardly separate its constants. Fit fewer terms "
+            "or constants (--fit), add a second kind of test, or continue from these values (--out, then calibrate "
+            "again)."
         )
     if touching is not None:
         words = output_unit(found.data.x_name)
@@ -255,13 +256,13 @@ def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
     verb = "is" if len(found.undetermined) == 1 else "are"
     only = f"determined is {known} = {with_sd(value, sd, display_unit('Pa'))}" if known else ""
     why = (
-        "; a quarter of the modulus shifted from one to the other moves the curve by less than 1 % of its range, which "
-        "FEM and geometry err by"
+        "; a quarter of the modulus shifted from one to the other moves the curve by less than 1 % of its range, the "
+        "error of FEM and geometry"
         if hidden
         else ""
     )
     return (
-        f"These data do not tell {names}{' apart' if len(found.undetermined) > 1 else ''}: "
+        f"These data do not determine {names}{' separately' if len(found.undetermined) > 1 else ''}: "
         f"{only or 'the effect is below their noise'}, and {names} {verb} free beside it{why}. "
         f"Fit fewer constants (--fit), or {advice}."
     )
@@ -291,8 +292,8 @@ def _exchangeable(found: Calibration) -> list[str]:
         first, second, rho = found.constants[i], found.constants[j], float(found.certainty.correlation[i, j])
         if abs(rho) > ALIKE:
             remarks.append(
-                f"{second.written} and {first.written} nearly trade places in these data (correlation "
-                f"{number(rho, 4)}): what they give together is surer than each alone."
+                f"{second.written} and {first.written} are strongly correlated in these data (correlation "
+                f"{number(rho, 4)}): their combination is known better than each alone."
             )
     return remarks
 
@@ -301,7 +302,7 @@ def _near_zero(found: Calibration) -> list[str]:
     if len(found.constants) < 2:
         return []
     return [
-        f"{c.written} is not told from zero (± {quantity(sd, 'Pa' if c.is_modulus else '', 2)}): a "
+        f"{c.written} does not differ significantly from zero (± {quantity(sd, 'Pa' if c.is_modulus else '', 2)}): a "
         "law without it fits these data as well."
         for c, sd in zip(found.constants, found.certainty.sd, strict=True)
         if abs(c.value) < 2 * sd

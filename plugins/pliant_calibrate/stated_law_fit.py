@@ -87,8 +87,8 @@ def fit_stated_law(
     sd = _deviations(found.jacobian * np.abs(start), found.residuals, n_effective)
     if sd is None:
         raise UserError(
-            f"{measurement.source} does not tell {', '.join(names)} apart: without a load only their ratios show. "
-            f"Hold one of them, e.g. {names[-1]}, or add runs with a load."
+            f"{measurement.source} does not tell {', '.join(names)} apart: without a load only their ratios are "
+            f"identifiable. Hold one of them, e.g. {names[-1]}, or add runs with a load."
         )
     values = {name: float(f"{v:.{DIGITS}g}") for name, v in zip(names, found.values, strict=True)}
     return LawOfRuns(

@@ -62,7 +62,8 @@ def comparison_answers(found: CountComparison) -> Answers:
         after = REPEATS
     elif wrong:
         after = (
-            "Ask which number would explain it: pliant diagnose (it simulates every level of every number)."
+            "Identify the parameter that would explain it: pliant diagnose (it simulates every level of every "
+            "parameter)."
         )
     else:
         after = "Nothing to explain here; more trials, simulated and counted, would show smaller differences."
@@ -92,9 +93,9 @@ def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict
         "missing_effect": f"Most likely {levels.get(judged.selected, '')}",
         "ambiguous": contenders_sentence(judged),
         "nothing_missing": "Nothing that these counts show",
-        "unknown_effect": "Something that is not in the list",
-        "not_repeatable": "Not asked: sets of one condition contradict each other",
-        "insufficient_data": "Cannot be said from so few trials",
+        "unknown_effect": "An effect that is not in the list",
+        "not_repeatable": "Not examined: sets of one condition contradict each other",
+        "insufficient_data": "Not determined by so few trials",
     }[judged.verdict]
     return answers(first, missing, _sure(found, judged), _after(judged))
 

@@ -32,9 +32,7 @@ OUTPUT = "success"
 
 def _likelihoods(row: tuple[str, CountComparison]) -> str:
     own = number(row[1].log_likelihood_own, 4)
-    return (
-        f"{number(row[1].log_likelihood, 4)}, against {own} of a model that says nothing about any condition"
-    )
+    return f"{number(row[1].log_likelihood, 4)}, against {own} of an uninformative model"
 
 
 # Values of all conditions together: a sentence below the page's table, and the last row of the terminal's table.
@@ -180,7 +178,7 @@ def interpret_counts(found: CountComparison) -> str:
         )
     if found.log_likelihood < found.log_likelihood_own:
         sentences.append(
-            "Over all conditions the model predicts these counts worse than one that says nothing about any of them."
+            "Over all conditions the model predicts these counts worse than an uninformative one."
         )
     return " ".join(sentences)
 

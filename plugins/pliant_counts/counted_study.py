@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.errors import UserError
 from pliant.execution.executors import Workers
 from pliant.interfaces.task import TaskConfig
-from pliant.measurements.files import Sources, expand_sources
+from pliant.measurements.files import Sources
 from pliant.pipeline.workbench import RunContext
 from pliant_counts.comparison import CountComparison, compare_counts
-from pliant_counts.reading import counts_trials, holds_counts, read_counts
+from pliant_counts.reading import read_counts
+from pliant_counts.recognition import counts_file, counts_trials
 from pliant_counts.records import CountCondition, Counts
 from pliant_counts.task_keys import changed_task
 from pliant_counts.trials import Setting, simulate_trials
-from pliant_tables.columns import is_frame
 
 
 @dataclass(frozen=True)
@@ -41,15 +40,9 @@ class CountedStudy:
         return changed_task(self.task, {**condition.changes, "task.trials": self.trials})
 
 
-def is_counted(study: Study, data: Sources = None) -> bool:
-    """Return whether the study's measurements, or `data`, are a file of counts."""
-    path = _file(study, data)
-    return path is not None and holds_counts(path, study.task, study.measurements)
-
-
 def counted_study(study: Study, data: Sources = None) -> CountedStudy:
     """Read the counts; raise `UserError` for a task that counts no trials, besides the errors of `read_counts`."""
-    path = _file(study, data)
+    path = counts_file(study, data)
     if path is None:
         raise UserError(f"study '{study.name}' names no measurements; give --data counts.csv.")
     settings = study.measurements or MeasurementsConfig(file=str(path))
@@ -70,10 +63,3 @@ def compare_counted(context: RunContext, counted: CountedStudy, workers: Workers
         for condition in counted.counts.conditions
     ]
     return compare_counts(counted.counts, simulate_trials(context, counted.study, settings, workers))
-
-
-def _file(study: Study, data: Sources) -> Any:
-    """Return the one table that may contain counts; None where there are several, or none."""
-    files = data if data is not None else study.measurements.file if study.measurements is not None else ()
-    sources = expand_sources(files) if is_frame(files) or files else []
-    return sources[0] if len(sources) == 1 else None

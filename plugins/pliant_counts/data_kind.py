@@ -15,7 +15,7 @@ from pliant.registry.discovery import Registry
 from pliant.report.document import Document
 from pliant_counts.comparison import CountComparison
 from pliant_counts.comparison_page import counts_document
-from pliant_counts.counted_study import CountedStudy, compare_counted, counted_study, is_counted
+from pliant_counts.counted_study import CountedStudy, compare_counted, counted_study
 from pliant_counts.diagnosis_page import counts_diagnosis_document
 from pliant_counts.evidence import CountEvidence, count_evidence
 from pliant_counts.parameters import VariedParameter, effect_parameters, task_parameters
@@ -68,21 +68,19 @@ class MeasuredCounts:
         )
 
 
-def open_counts(study: Study, data: Sources = None) -> MeasuredCounts | None:
-    """Return the study with its file of counts, or None where the data are readings.
+def open_counts(study: Study, data: Sources = None) -> MeasuredCounts:
+    """Return the study with its file of counts.
 
     Raises:
         UserError: a file of counts with further files beside it, or one that the study cannot use.
     """
     files = data if isinstance(data, list | tuple) else [data]
-    if not files or not is_counted(study, first := files[0]):
-        return None
     if len(files) > 1:
         raise UserError(
-            f"{first} is a file of counts, and {listed([str(file) for file in files[1:]])} would not be read; counts "
-            "come in one file: put the rows together, or give one --data."
+            f"{files[0]} is a file of counts, and {listed([str(file) for file in files[1:]])} would not be read; "
+            "counts come in one file: put the rows together, or give one --data."
         )
-    return MeasuredCounts(counted_study(study, first))
+    return MeasuredCounts(counted_study(study, files[0]))
 
 
 def compare_counts_file(

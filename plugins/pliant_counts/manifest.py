@@ -14,7 +14,7 @@ CONTRACT = 3
 @hookimpl
 def pliant_data() -> Iterable[DataKind]:
     """Return the kind of data that `compare` and `diagnose` take in place of readings."""
-    return [DataKind("counts", "pliant_counts.data_kind:open_counts")]
+    return [DataKind("counts", "pliant_counts.recognition:is_counted", "pliant_counts.data_kind:open_counts")]
 
 
 @hookimpl

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from pliant.interfaces.task import TaskConfig
 from pliant.measurements.columns import MEASUREMENT, outputs_among
 from pliant.measurements.notes import file_digest, notes_on
 from pliant.units import UNIT_SUFFIXES
+from pliant_counts.recognition import COUNTS, called
 from pliant_counts.records import CountCondition, Counts, CountSet
 from pliant_counts.task_keys import TaskKey, changed_task, find_key, known_keys, need_key
 from pliant_tables.cells import MISSING, Problems
@@ -30,31 +30,10 @@ from pliant_tables.sheet import Sheet
 from pliant_tables.units import ENDINGS, SPELLINGS, stem, unit_in
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
-COUNTS = ("successes", "trials")
 TEXTS = ("run", "specimen", "cycle")  # identify the set of a row
 SLIP = 0.75  # likeness of a column's name to a key from which it is taken for a misspelling
 MOST_ROWS = 10_000
 MOST_TRIALS = 1_000_000_000
-
-
-def holds_counts(
-    source: Path | Any, task: TaskConfig | None, settings: MeasurementsConfig | None = None
-) -> bool:
-    """Return whether a file contains counts: it has successes or trials, and no readings that the study could use.
-
-    If it also has readings, it counts only for a study whose task counts trials (then `read_counts` refuses the
-    mixture); a chain's readings are compared and its counts are ignored.
-    """
-    notes, notes_name = notes_on(source, settings)
-    with open_sheet(source, MEASUREMENT.example, notes, notes_name) as sheet:
-        names = [_called(name, notes).lower() for name in sheet.header]
-    has = any(name in COUNTS for name in names)
-    return has and (not outputs_among(names) or (task is not None and counts_trials(task)))
-
-
-def counts_trials(task: TaskConfig) -> bool:
-    """Return whether a task can be repeated with other random numbers, and counts its successes."""
-    return {"trials", "seed"} <= set(type(task).model_fields)
 
 
 def read_counts(source: Path | Any, task: TaskConfig, settings: MeasurementsConfig | None = None) -> Counts:
@@ -135,7 +114,7 @@ def _layout(
     path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
 ) -> Layout:
     """Match the header with the counts and the keys of the task."""
-    names = [_called(name, notes) for name in header]
+    names = [called(name, notes) for name in header]
     every = [*header, *map(stem, header)]
     check_named(path, notes_name, "rename", notes.rename, every, notes)
     check_named(path, notes_name, "units", notes.units, [*every, *names], notes)
@@ -169,7 +148,7 @@ def _layout(
             hint = closest(name, [n.lower() for n in header])
             raise UserError(
                 f"{path}: a file of counts has the columns 'successes' and 'trials', and '{name}' is not there"
-                f"{hint} Without '{name}' nobody can tell what '{other}' means."
+                f"{hint} Without '{name}' the meaning of '{other}' is unknown."
             )
     if ignored:
         layout.remarks.append(
@@ -181,18 +160,6 @@ def _layout(
             "No column sets a condition: all rows are repeats of the study's task as it is."
         )
     return layout
-
-
-def _called(written: str, notes: MeasurementNotes) -> str:
-    """Return a column's name without its unit; Pliant's name for counts, readings and columns that name a set."""
-    renamed = noted(notes.rename, written, stem(written))
-    if renamed is not None:
-        return renamed
-    column = None
-    with suppress(UserError):  # a unit of a condition, which is checked with the task
-        column = MEASUREMENT.resolve_column(written, written, None, frozenset())
-    of_counts = column is not None and column.role in ("count", "text", "cycle", "output")
-    return column.name if column is not None and of_counts else stem(written)
 
 
 def _condition(
@@ -266,9 +233,9 @@ def _problem(successes: float, trials: float) -> str:
         if value < 0:
             return f"column {label} is {value:g}; a count is not negative"
     if trials == 0:
-        return "column trials is 0; a row without trials says nothing, leave it out"
+        return "column trials is 0; leave a row without trials out"
     if trials > MOST_TRIALS:
-        return f"column trials is {trials:g}; that is more than anybody counts"
+        return f"column trials is {trials:g}; that is an implausibly large count"
     if successes > trials:
         return f"{successes:g} successes are more than {trials:g} trials; are the columns exchanged?"
     return ""

@@ -76,8 +76,8 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
     first = next(iter(found.probability))
     if plain.contradictory:
         return "not_repeatable", (
-            f"Sets of one condition contradict each other ({_named(plain.contradictory)}): something changed that no "
-            "column says.",
+            f"Sets of one condition contradict each other ({_named(plain.contradictory)}): a condition changed that no "
+            "column states.",
         )
     if plain.n_samples < FEWEST_TRIALS or len(plain.conditions) < FEWEST_CONDITIONS:
         return "insufficient_data", (

@@ -83,7 +83,7 @@ def designs_to_solve(context: RunContext, study: Study, stage: MetaModelStage, c
         candidates = _unsolved(designs, _in_range(context, study, designs, CANDIDATES, SEED))
     if len(candidates) < count:
         raise UserError(
-            f"--next {count}: only {len(candidates)} designs can be had that are not solved yet; ask for fewer, or "
+            f"--next {count}: only {len(candidates)} possible designs are not solved yet; request fewer, or "
             "widen the sweep."
         )
     over = _in_range(context, study, designs, OVER, SEED + 1)

@@ -39,7 +39,8 @@ ACTS = {
     "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
     "inputs. Without it the file is a spring with the stiffness at rest.",
     "urdf": "URDF has no law and no inputs: the law is in the JSON file beside it, and read_law.py evaluates it; the "
-    "program that loads the URDF applies the efforts at its joints.",
+    "program that loads the URDF applies the efforts at its joints. PyBullet takes the file's inertias with "
+    "flags=URDF_USE_INERTIA_FROM_FILE alone; its own are those of no shape.",
 }
 
 

@@ -69,7 +69,7 @@ class WrittenLaw:
             "dtau_du are its slopes.",
             "Static equilibrium of a joint: tau plus the moments of all loads is zero. A stable law has dtau_du < 0.",
             "Fitted where " + ", ".join(_range(*row) for row in zip(inputs, self.domain, strict=True)) + ".",
-            "Outside it goes on smoothly, without data.",
+            "Outside it is extrapolated smoothly.",
             *(BALL_JOINT if sum(name.startswith("angle_") for name in self.deformations) > 1 else ()),
         ]
         if self.band is None:

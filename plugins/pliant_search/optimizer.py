@@ -202,6 +202,10 @@ class Optimizer(Configured[OptimizerConfig]):
         """
         return ()
 
+    def space_remarks(self, space: Space) -> Sequence[str]:
+        """Return sentences on variables of the space that the optimizer does not learn."""
+        return ()
+
     @abstractmethod
     def start(self, space: Space, seed: int) -> None:
         """Start a search of this space; the same seed gives the same trials."""

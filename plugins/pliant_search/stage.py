@@ -92,10 +92,11 @@ def search_study(
 
 
 def _optimizer_remarks(context: RunContext, problem: SearchProblem) -> Sequence[str]:
-    """Return what the optimizer says on its keys before a search of this length."""
+    """Return what the optimizer says on its keys and on the variables before a search of this length."""
     optimizer = context.build("optimizer", problem.study.need("optimizer", "a search"))
     config = problem.config
-    return optimizer.remarks(None if config.generations is not None else config.budget)
+    of_keys = optimizer.remarks(None if config.generations is not None else config.budget)
+    return [*of_keys, *optimizer.space_remarks(problem.space())]
 
 
 def _rounds(

@@ -41,7 +41,7 @@ FASTEST_FPS = 120
 FILMS = (".gif", ".mp4")
 PLOTS = (".svg", ".png", ".pdf")
 
-ViewerKind = Annotated[str, typer.Option("--viewer", metavar="KIND", help="Who draws; see 'pliant plugins'.")]
+ViewerKind = Annotated[str, typer.Option("--viewer", metavar="KIND", help="Viewer; see 'pliant plugins'.")]
 
 
 @verb()

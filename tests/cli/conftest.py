@@ -51,7 +51,7 @@ def interrupted(arguments, working):
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the signal reaches the workers too
     said = process.communicate(timeout=150)[1].decode()  # loaded machines start their workers slowly
     assert process.returncode == 130, said
-    assert "finished work is kept, run the same command to go on" in said and "Traceback" not in said
+    assert "finished work is kept, run the same command to continue" in said and "Traceback" not in said
     with pytest.raises(ProcessLookupError):
         for _ in range(200):
             os.killpg(process.pid, 0)

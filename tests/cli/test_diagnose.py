@@ -27,7 +27,7 @@ def test_the_missing_effect_is_named_and_written(pliant, bench, read, monkeypatc
     assert first.startswith(
         "note: At rest the recording and the model disagree (12 runs): bend angle is read as 1.7°"
     )
-    assert lines[-2].startswith("Something in the file looks wrong")
+    assert lines[-2].startswith("A value in the file is probably wrong")
     end = next(k for k, line in enumerate(lines) if line.startswith("sensor_bias: bias"))
     assert max(map(len, lines[: end + 1])) <= 80  # parameters are printed below the table
     assert lines[0].split() == ["hypothesis", "probability", "left-out", "error", "/", "floor"]

@@ -236,7 +236,7 @@ def test_a_block_that_was_pasted_beside_the_file_is_read_and_sorted_rows_are_not
     measurement, document = api.read(table, {})
     assert measurement.runs[0].outputs["angle_rad"] == pytest.approx(np.radians(2.0 * np.arange(40)))
     assert "sorted" in document.warnings[0].sentence
-    assert not any("settle that first" in str(line) for line in terminal(document))
+    assert not any("correct it before" in str(line) for line in terminal(document))
 
 
 @pytest.mark.parametrize("driven", ["tendon_travel_m", "tendon_force_n"])

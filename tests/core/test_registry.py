@@ -270,11 +270,13 @@ def test_a_package_brings_a_kind_of_data_and_a_wrong_one_is_named(monkeypatch):
         return FakeEntry("some_data", lambda: module)
 
     with monkeypatch.context() as patch:
-        assert not discover_with(patch, package_with_data(DataKind("films", "some_data:open"))).failures
+        assert not discover_with(
+            patch, package_with_data(DataKind("films", "some_data:is_film", "some_data:open"))
+        ).failures
         assert {"counts", "films"} <= set(data_kinds())
     for kind, cause in (
-        (DataKind("Films", "a:b"), "lower-case words"),
-        (DataKind("films", "a"), "has open 'a'"),
+        (DataKind("Films", "a:b", "a:c"), "lower-case words"),
+        (DataKind("films", "a:b", "a"), "has open 'a'"),
     ):
         with monkeypatch.context() as patch:
             (failure,) = discover_with(patch, package_with_data(kind)).failures

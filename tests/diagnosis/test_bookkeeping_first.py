@@ -50,7 +50,7 @@ def test_forgotten_gravity_is_the_first_note(
     effects = ["--effect", "stiffness", "--effect", "self_contact"] if verb == "diagnose" else []
     call = called(verb, "joint.yaml", *effects, "--json", "out.json", "--out", "page").done()
     assert first_note(call.out).startswith("note: At rest the recording and the model disagree")
-    assert "settle that first" in call.out
+    assert "correct it before" in call.out
     (found,) = json.loads((tmp_path / "out.json").read_text())["bookkeeping"]
     assert found["kind"] == "gravity" and found["where"] == ["chain.gravity"]
     assert found["error_after"] < 0.4 * found["error_before"]

@@ -23,7 +23,7 @@ def test_every_file_that_the_page_names_exists(path):
 
 def test_the_import_order_equals_import_linter():
     (order,) = blocks(PAGE, "text")
-    layers = CONTRACTS["rooms of core, from the door inwards"]["layers"]
+    layers = CONTRACTS["layers of core, from the outside in"]["layers"]
     assert order.replace("→", " ").split() == [layer.removeprefix("pliant.") for layer in layers]
 
 

@@ -115,7 +115,7 @@ def test_it_acts_inside_its_range_and_nowhere_else(acts_on, over, value):
         ({"value": [[1.0, 2.0], [3.0, 4.0]]}, "2 to 64 numbers"),
         ({"sd": [1.0, 2.0, 3.0]}, "as many numbers"),
         ({"covariates": [{**ANGLE, "high": -0.2}]}, "'low' must be below 'high'"),
-        ({"acts_on": "input"}, "does not know 'angle'"),
+        ({"acts_on": "input"}, "has no covariate 'angle'"),
         (
             {
                 "covariates": [
@@ -124,9 +124,9 @@ def test_it_acts_inside_its_range_and_nowhere_else(acts_on, over, value):
                 ],
                 "value": [[0, 1], [2, 3]],
             },
-            "do not go together",
+            "cannot be combined",
         ),
-        ({"covariates": [ANGLE, ANGLE], "value": [[0, 1], [2, 3]]}, "stands there twice"),
+        ({"covariates": [ANGLE, ANGLE], "value": [[0, 1], [2, 3]]}, "is stated twice"),
     ],
 )
 def test_a_block_that_makes_no_sense_is_refused(change, words):

@@ -98,7 +98,7 @@ def test_interrupted_and_killed_a_fem_goes_on_where_it_was_also_for_one_that_wai
     first.send_signal(signal.SIGINT)
     _, err = first.communicate(timeout=300)
     assert first.returncode == 130, err
-    assert "run the same command to go on" in " ".join(err.split())
+    assert "run the same command to continue" in " ".join(err.split())
     assert not list((tmp_path / "first").rglob("*.csv"))
     (partial,) = store.glob("fem/*.partial/states.json")
     interrupted = len(json.loads(partial.read_text()))

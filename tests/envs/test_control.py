@@ -109,7 +109,7 @@ def info_tip(env: MeasuredEnv) -> np.ndarray:
 
 
 def test_without_evidence_there_is_one_robot(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="nothing says how sure the study is"):
+    with pytest.raises(UserError, match="the study states no uncertainty"):
         gymnasium.make("pliant/Track-v0", worlds=2)
     with pytest.raises(UserError, match="neither may be negative"):
         gymnasium.make("pliant/Reach-v0", delay_s=-1.0)

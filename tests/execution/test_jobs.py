@@ -132,7 +132,10 @@ def test_who_had_not_begun_is_no_suspect():
 
 def test_an_executor_that_cannot_be_restarted_says_that_it_broke():
     executor = Mortal(lambda items, calls: True, restarts=False)
-    with JobQueue(executor, square) as queue, pytest.raises(NotReachedError, match="run again to go on"):
+    with (
+        JobQueue(executor, square) as queue,
+        pytest.raises(NotReachedError, match="run the command again to continue"),
+    ):
         list(queue.each([1]))
 
 

@@ -352,6 +352,14 @@ def wrong(case: str, path: Path, box: ModuleMesh) -> dict[str, Any]:
         cells = box.cells.copy()
         cells[0] = len(points) + np.arange(10)
         written(path, ModuleMesh(twice / 1e3, cells, box.cavity, box.skin, {}), {})
+    elif case == "touching":  # two solids that were not fused before they were meshed: gmsafir/gmsafir#14
+        drawn, count = box.nodes_m.copy(), len(box.nodes_m)
+        drawn[:, 0] += np.ptp(drawn[:, 0]) + 1e-7  # on the plane of the tip, within what a mesher rounds
+        cells = np.concatenate([box.cells, box.cells + count])
+        ends = {"base": faces["base"], "tip": faces["tip"] + count}
+        sides = {name: np.concatenate([faces[name], faces[name] + count]) for name in ("mirror", "cavity")}
+        both = ModuleMesh(np.concatenate([box.nodes_m, drawn]), cells, box.cavity, box.skin, {})
+        written(path, both, {**ends, **sides})
     elif case == "surface only":
         meshio.write(path, meshio.Mesh(points, [("triangle6", box.skin)]), file_format="gmsh22", binary=False)
     elif case == "no mesh":
@@ -375,6 +383,7 @@ SENTENCES = {
     "shared": "surfaces 'tip' and 'cavity' of 'box.msh' share 1 faces",
     "inside": "of its .* faces are no outer faces of the solid",
     "crack": "nodes of 'box.msh' coincide with others",
+    "touching": "holds 2 bodies that share no nodes; a module is one body",
     "surface only": "holds no solid cells, only triangle6",
     "no mesh": "mesh file 'box.msh' could not be read as gmsh",
 }

@@ -118,7 +118,7 @@ def test_each_problem_has_its_place(tmp_path: Path, text: str | bytes, place: st
 @pytest.mark.parametrize(
     ("read", "text", "place"),
     [
-        (read_designs_table, f"{HEAD},sample\n0,0,0,1\n0,0.1,0,2\n", "every row is a design of its own"),
+        (read_designs_table, f"{HEAD},sample\n0,0,0,1\n0,0.1,0,2\n", "every row is a separate design"),
         (read_designs_table, f"{HEAD},design\n0,0,0,1\n0,0.1,0,\n", "line 3, column design: it is blank"),
         (
             read_module_table,

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 from tests.lab_files.captures import captures, testers
 from tests.lab_files.from_public import public
+from tests.lab_files.from_reports import reported
 from tests.lab_files.headers import names, preambles
 from tests.lab_files.lab_file import SAMPLES, LabFile, digits, part, rows, text
 from tests.lab_files.refused_files import doubted, refused
@@ -40,7 +41,7 @@ def lab_files() -> list[LabFile]:
     """Return all files, made once."""
     return [
         *(*european(), *instruments(), *spreadsheets(), *clocks(), *several(), *doubted(), *refused()),
-        *(*captures(), *testers(), *preambles(), *names(), *public()),
+        *(*captures(), *testers(), *preambles(), *names(), *public(), *reported()),
     ]
 
 

@@ -141,7 +141,7 @@ HEAD = "run,time_s,pressure_pa,angle_rad\n"
         (
             HEAD + "A,0,0,0\nB,0,0,0\nA,1,1e4,1\nB,1,1e4,1\n",
             [[2, 4], [3, 5]],
-            ["Rows of 2 of 2 runs do not stand together"],
+            ["Rows of 2 of 2 runs are not consecutive"],
         ),
         (
             "pressure_pa,angle_rad,successes,trials\n0,0,1,2\n1e4,1,1,2\n",

@@ -69,7 +69,7 @@ def test_outer_faces_are_no_cavity():
         "go around", "goes around"
     )
     with_ends = np.vstack([BOX.mesh.cavity, on(0, 0.0)])
-    assert "lie in the plane x = 0, where the module goes on" in found_wrong(remeshed(cavity=with_ends))
+    assert "lie in the plane x = 0, where the module continues" in found_wrong(remeshed(cavity=with_ends))
 
 
 def test_a_closed_skin_has_no_loose_edges():

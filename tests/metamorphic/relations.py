@@ -186,8 +186,8 @@ def from_a_table(raw: Raw, rng: np.random.Generator) -> Moved:
 
 
 def in_pybullet(raw: Raw, rng: np.random.Generator) -> Moved:
-    """Use a third engine."""
-    return Moved({**raw, "physics": {"kind": "pybullet"}}, tolerance=ENGINES)
+    """Use a third engine, at the tolerance of the others instead of its default of 1e-8 N·m."""
+    return Moved({**raw, "physics": {"kind": "pybullet", "tolerance": 1e-9}}, tolerance=ENGINES)
 
 
 def in_mujoco(raw: Raw, rng: np.random.Generator) -> Moved:

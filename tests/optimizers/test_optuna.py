@@ -258,3 +258,23 @@ def answer(url: str) -> Any:
         except (ConnectionError, OSError):
             time.sleep(0.2)
     raise AssertionError(f"{url} does not answer")
+
+
+@pytest.mark.parametrize("sampler", [CMAES, "qmc"])
+def test_choices_that_a_sampler_draws_at_random_are_said(sampler: str) -> None:
+    """optuna/optuna#1569 and #6188: Optuna warns of it, and its messages are silenced here."""
+    optimizer = Optuna(OptunaConfig(sampler=sampler))
+    (said,) = optimizer.space_remarks(searches.MIXED)
+    assert "learns no choices: c, d are drawn at random" in said
+    assert not optimizer.space_remarks(searches.box(2))
+    assert not Optuna(OptunaConfig()).space_remarks(searches.MIXED)
+
+
+@pytest.mark.parametrize("sampler", [CMAES, "tpe"])
+def test_one_whole_number_alone_is_learned(sampler: str) -> None:
+    """optuna/optuna#5520: CMA-ES of one variable was a random search."""
+    space = Space((Variable("n", "integer", 1, 400),))
+    done = searches.search(started(space, sampler=sampler), lambda v: (v["n"] - 301) ** 2, 60)  # type: ignore
+    late = [candidate.values["n"] for candidate, _ in done[-20:]]
+    assert abs(searches.best(done)[0].values["n"] - 301) <= 3  # type: ignore[operator]
+    assert np.median([abs(n - 301) for n in late]) < 50  # type: ignore[operator]

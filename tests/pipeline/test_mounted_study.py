@@ -70,7 +70,7 @@ def run(folder, *overrides, study="finger.yaml"):
                 "physics": "pybullet",
                 "task": {"kind": "grasp", "object": "egg", "pressure": "9 kPa", "finger_contact": True},
             },
-            "lets fingers go through each other",
+            "has no contact between fingers",
         ),
         (
             {

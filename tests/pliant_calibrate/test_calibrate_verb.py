@@ -114,7 +114,7 @@ def test_constants_that_are_not_told_apart_write_no_study(folder: Path) -> None:
         "new.yaml",
     ]
     said = call(*words, code=3)
-    assert "do not tell c10 and c01 apart" in " ".join(said.split())
+    assert "do not determine c10 and c01 separately" in " ".join(said.split())
     assert not (folder / "new.yaml").exists()
 
 

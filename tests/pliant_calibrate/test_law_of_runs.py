@@ -94,7 +94,7 @@ def test_deviations_cover_the_truth(tmp_path: Path) -> None:
 def test_what_runs_without_load_cannot_tell(tmp_path: Path) -> None:
     record(tmp_path)
     opened = api.open_study(study(tmp_path, ROUGH), store=tmp_path / "store")
-    with pytest.raises(UserError, match="only their ratios show. Hold one of them, e.g. b_e"):
+    with pytest.raises(UserError, match="only their ratios are identifiable. Hold one of them, e.g. b_e"):
         api.fit_stated_law(opened)
 
 

@@ -78,11 +78,11 @@ def fitted(path: Path, of: Study = NEO, **options: Any) -> Calibration:
         ("strain,nominal_stress_pa", (-STRETCH, STRESS), "a stretch of 0 is impossible"),
         ("stretch,nominal_stress_pa", (STRETCH, -STRESS), "opposite signs"),
         ("stretch,nominal_stress_pa", (STRETCH[:2], STRESS[:2]), "2 rows at 1 different stretch are too few"),
-        ("stretch,nominal_stress_pa", (STRETCH, STRESS / 1e6), "ask for a shear modulus of 0.24 Pa"),
+        ("stretch,nominal_stress_pa", (STRETCH, STRESS / 1e6), "require a shear modulus of 0.24 Pa"),
         (
             "stretch,nominal_stress_pa",
             (STRETCH, ["x"] * 9),
-            "line 2: column nominal_stress_pa: 'x' is not a number",
+            "lines 2, 3.*: column nominal_stress_pa: 'x' is not a number",
         ),
         ("stretch,nominal_stress_pa", (STRETCH, [""] * 9), "no row is left to fit"),
         (

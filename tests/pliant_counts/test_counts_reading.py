@@ -7,7 +7,8 @@ from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.measurements.reading import read_measurement
 from pliant.registry.discovery import discover
-from pliant_counts.reading import holds_counts, read_counts
+from pliant_counts.reading import read_counts
+from pliant_counts.recognition import holds_counts
 from pliant_counts.task_keys import changed_task
 
 

@@ -64,7 +64,7 @@ def test_sweep_designs_go_first_and_solved_ones_never(unseen):
     found = designs_to_solve(unseen.opened.context, study, unseen.stage, 5)
     values = {(round(1e3 * r, 6), round(1e3 * length, 6)) for r, length in (one.values for one in found)}
     assert values == {(4.2, 8.0), (5.4, 8.0), (4.0, 9.7), (4.2, 9.7), (5.4, 9.7)}
-    with pytest.raises(UserError, match="only 5 designs can be had"):
+    with pytest.raises(UserError, match="only 5 possible designs"):
         designs_to_solve(unseen.opened.context, study, unseen.stage, 6)
 
 

@@ -132,7 +132,9 @@ def test_every_verdict_has_a_whole_page(case):
     first = next(title for title in titles if title != "In more words")
     assert (first == "Noise") is (found.verdict == "not_repeatable")  # the repeats are the finding
     assert ("repeats" in page.pictures) is (found.verdict != "insufficient_data")  # of a run alone
-    assert ("nobody knows whether the bench repeats" in page.html) is (found.verdict == "insufficient_data")
+    assert ("the repeatability of the bench is unknown" in page.html) is (
+        found.verdict == "insufficient_data"
+    )
 
 
 def test_the_page_is_escaped_and_the_same_each_time(case):

@@ -27,7 +27,7 @@ def test_equal_shares_are_a_sentence_and_no_table(monkeypatch):
     found = fitted(monkeypatch, (0.33, 0.34), (0.33, 0.33), (0.34, 0.33))
     assert shares_brief(found) is None
     assert posterior_words(found) == [
-        "The parameters are known apart: the doubt of the prediction comes from all of them alike."
+        "The parameters are determined separately: all contribute equally to the uncertainty of the prediction."
     ]
 
 

@@ -24,7 +24,10 @@ def test_a_candidate_that_kills_its_worker_has_failed():
 
 
 def test_an_executor_that_breaks_is_said_and_what_was_told_is_kept(tmp_path):
-    with ProcessPoolExecutor(1) as pool, pytest.raises(NotReachedError, match="run again to go on"):
+    with (
+        ProcessPoolExecutor(1) as pool,
+        pytest.raises(NotReachedError, match="run the command again to continue"),
+    ):
         searched(tmp_path / "a", executor=pool, deadly=1.2, killed=str(tmp_path / "killed"))
     assert told(searched(tmp_path / "a")) == told(searched(tmp_path / "b"))
 

@@ -84,7 +84,9 @@ def test_the_store_says_what_belongs_to_which_study(exported, pliant):  # noqa: 
     assert all(one["studies"] == ["taken-along"] and one["wall_s"] >= 0 for one in data["artifacts"])
     assert sum(one["size_bytes"] for one in data["artifacts"]) == data["size_bytes"]
     Path("other.yaml").write_text(STUDY.replace("taken-along", "unknown").replace("tables/", "home/tables/"))
-    pliant("store", "--export", "other.yaml", "--store", "home/store").refused("nothing of study 'unknown'")
+    pliant("store", "--export", "other.yaml", "--store", "home/store").refused(
+        "no results of study 'unknown'"
+    )
     pliant("store", "--verify", "--older", 3).refused("give one of")
 
 

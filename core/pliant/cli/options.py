@@ -25,7 +25,7 @@ JsonFile = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the result as JSON; '-' is standard output."),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors and warnings.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only errors and warnings.")]
 StoreFolder = Annotated[
     Path,
     typer.Option(
@@ -119,7 +119,7 @@ Full = Annotated[
     bool,
     typer.Option(
         "--full",
-        help="Write a study that stands alone, comments kept, instead of 'extends' and what changed.",
+        help="Write a self-contained study with its comments, instead of 'extends' and the changes.",
     ),
 ]
 

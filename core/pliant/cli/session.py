@@ -166,7 +166,7 @@ def session(command: str, json_target: str | None, quiet: bool, store: Path) -> 
 
 
 def _stop(here: Session) -> NoReturn:
-    here.err.print("interrupted; finished work is kept, run the same command to go on.")
+    here.err.print("interrupted; finished work is kept, run the same command to continue.")
     raise typer.Exit(INTERRUPTED) from None
 
 

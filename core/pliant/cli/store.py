@@ -114,7 +114,9 @@ def _export(here: Session, root: Path, source: Path, out: Path | None) -> None:
     check_target(None, target)
     own = [e for e in entries(root) if study.name in e.studies and e.stage not in NOT_KEPT]
     if not own:
-        raise UserError(f"{root} holds nothing of study '{study.name}'; run it first with this --store.")
+        raise UserError(
+            f"{root} contains no results of study '{study.name}'; run it first with this --store."
+        )
     if wrong := list(damaged(own)):
         entry, cause = wrong[0]
         raise UserError(

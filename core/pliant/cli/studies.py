@@ -165,7 +165,7 @@ def fields_writer(folder: Path | None, which: str) -> Callable[..., None] | None
     """
     if folder is None:
         if which != DEFAULT_WHICH:
-            raise UserError("--fields-of tells which states --fields writes; give --fields DIR too.")
+            raise UserError("--fields-of selects the states that --fields writes; give --fields DIR, too.")
         return None
     writer: Callable[..., None] = package_function("fields_writer", "pliant_view")(folder, which)
     return writer

@@ -75,7 +75,7 @@ def _interrupts_answered() -> Iterator[None]:
 
 app = typer.Typer(
     name="pliant",
-    help="Soft robots from finite elements to fast, honest chain models.",
+    help="Soft robots from finite elements to fast chain models with a stated error.",
     cls=Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -45,7 +45,9 @@ class RigidConfig(FrozenModel):
 
     length_m: Length = Field(0.0, ge=0, description="along the chain")
     module_lengths: Ratio = Field(
-        0.0, ge=0, description="added to the length: so many of the module before it, or of the first"
+        0.0,
+        ge=0,
+        description="added to the length: number of lengths of the module before it, or of the first module",
     )
     section: Literal["rod", "module"] = Field(
         "rod", description="a cylinder about the chain axis, or the shape of the study's module"
@@ -109,16 +111,16 @@ class SegmentConfig(FrozenModel):
     actuation_share: Ratio = Field(
         1.0,
         gt=0,
-        description="share of the chain's pressure or force that its supply gets, as behind a regulator of its own",
+        description="share of the chain's pressure or force that its supply gets, as behind a separate regulator",
     )
     actuators: tuple[ActuatorConfig, ...] = Field(
-        (), description="chambers or tendons of its own; those of the chain by default"
+        (), description="chambers or tendons of this segment; those of the chain by default"
     )
     family: dict[str, Any] = Field(
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
     )
     surrogate: SurrogateConfig | None = Field(
-        None, description="a law of its own, instead of the study's; a block with `kind`"
+        None, description="the law of this segment, instead of the study's; a block with `kind`"
     )
     module_length_m: Length | None = Field(None, gt=0, description="only without a family")
     module_mass_kg: Mass | None = Field(None, ge=0, description="only without a family")

@@ -33,7 +33,7 @@ class PlausibleRange(FrozenModel):
     """A number of the task that is not known well, for `pliant diagnose` on counts."""
 
     key: Name = Field(description="e.g. task.friction")
-    low: Ratio | str = Field(description="with its unit; the range holds 90 % of what would surprise nobody")
+    low: Ratio | str = Field(description="with its unit; the range is the central 90 % of the prior")
     high: Ratio | str = Field(description="the other end")
     where: dict[str, Any] = Field(
         default_factory=dict,
@@ -85,7 +85,8 @@ def _as_list(value: Any) -> Any:
 
 
 def _as_text(value: Any) -> Any:
-    return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else value
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return repr(value).removesuffix(".0") if number else value
 
 
 CellText = Annotated[Name, BeforeValidator(_as_text)]
@@ -97,6 +98,11 @@ class JoinedFile(FrozenModel):
     file: Name = Field(description="the other file, relative to this one")
     shift_s: Time = Field(
         0.0, description="added to the other file's clock, to make it this one's, e.g. -0.4 s"
+    )
+    hold: bool | None = Field(
+        None,
+        description="true: each value holds until the next row, and the last one to the end, as in a log of changes; "
+        "false: straight lines, as by default",
     )
 
 
@@ -152,10 +158,10 @@ class ColumnNotes(FrozenModel):
         default_factory=dict, description="unit that a column is written in, e.g. {pressure_pa: kPa}"
     )
     missing: Annotated[tuple[CellText, ...], BeforeValidator(_as_list)] = Field(
-        (), description="what stands for a missing value, e.g. [OVERLOAD, -999]"
+        (), description="marks of missing values, e.g. [OVERLOAD, -999]"
     )
     decimal: Literal[",", "."] | None = Field(
-        None, description="the mark of decimals; then the other one stands between thousands"
+        None, description="the decimal mark; the other one then separates thousands"
     )
     header: Count | None = Field(
         None,
@@ -228,10 +234,20 @@ class MeasurementNotes(ColumnNotes):
         None,
         description="another logger's inputs or conditions, taken as straight lines at this file's times",
     )
+    hold: dict[Name, bool] = Field(
+        default_factory=dict,
+        description="of an input in rows of its own, true: each value holds until the next one; false: straight "
+        "lines, as by default, e.g. {pressure_kpa: true}",
+    )
     zero: dict[Name, float | str] = Field(
         default_factory=dict,
         description="what a column reads at zero, subtracted, e.g. {angle_deg: 12.5 deg}; of readings also 'unknown', "
         "'per run': the offset of all runs, or of each, that fits best",
+    )
+    wrap: dict[Name, float | str] = Field(
+        default_factory=dict,
+        description="span after which a column begins again, e.g. {angle_deg: 360 deg, time_us: 4294967296 us}; an "
+        "hour for a clock that was set back",
     )
     frame: SensorFrameConfig | None = Field(
         None, description="the frame of a camera or of a pair of bend sensors, where it is turned"

@@ -100,7 +100,8 @@ class Study(FrozenModel):
     task: TaskConfig | None = Field(None, description="what the robot does")
     effects: tuple[EffectConfig, ...] = Field((), description="physical effects, applied in this order")
     posterior: PosteriorConfig | None = Field(
-        None, description="how sure the effects' parameters are; fits write it (docs/extend_and_improve.md)"
+        None,
+        description="uncertainty of the effects' parameters, written by fits (docs/extend_and_improve.md)",
     )
     measurements: MeasurementsConfig | None = Field(
         None, description="what the bench recorded (docs/measurement_files.md)"

@@ -111,7 +111,7 @@ def _parse(text: str, path: Path) -> CommentedMap:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else "?"
-        problem = str(error.problem)  # in words for people who do not know the parser's grammar
+        problem = str(error.problem)  # in words for users who do not know the parser's grammar
         if "'\\t'" in problem:
             problem = "there is a tab; YAML takes spaces only"
         elif "found another document" in problem:

@@ -210,8 +210,8 @@ def _check_spread(measurement: Measurement, names: Sequence[str]) -> None:
     sizes = np.linalg.svd(whole, compute_uv=False) if len(whole) > 1 else np.zeros(2)
     if sizes[0] > 0.0 and sizes[1] < FLAT * sizes[0]:
         raise UserError(
-            f"{measurement.source}: {', '.join(names)} lie on one line as far as they were read, and tell no turn of "
-            "their frame about it: write 'frame: {turn: [w, x, y, z]}'."
+            f"{measurement.source}: {', '.join(names)} lie on one line in all readings, which do not determine the "
+            "rotation of their frame about it: write 'frame: {turn: [w, x, y, z]}'."
         )
 
 

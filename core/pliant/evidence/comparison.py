@@ -196,5 +196,7 @@ def _remarks(
     if left := [name for name in measurement.outputs if name not in names]:
         remarks.append(f"Not compared, because the model or the file has no values of it: {', '.join(left)}.")
     if len(measurement.runs) == 1:
-        remarks.append("There is one run only: offsets between runs cannot be told from errors of the model.")
+        remarks.append(
+            "There is one run only: offsets between runs cannot be distinguished from errors of the model."
+        )
     return remarks

@@ -179,7 +179,7 @@ class JobQueue(Generic[Item, Result]):
                 self._ready = False
                 if not self.executor.restart():
                     raise NotReachedError(
-                        "the executor broke: a worker died. Finished work is kept; run again to go on."
+                        "the executor broke: a worker died. Finished work is kept; run the command again to continue."
                     )
             if lost:
                 back += self._killed(lost)

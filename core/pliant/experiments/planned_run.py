@@ -85,7 +85,7 @@ class BenchScale:
         end = min(ends) if largest is None else largest
         if not np.isfinite(end):
             raise UserError(
-                "The study's law states no domain, so nobody knows how far the bench may drive it: give "
+                "The study's law states no domain, so that the largest admissible drive is unknown: give "
                 "'surrogate: {domain: {actuation: [0, 15000]}}', a task with a pressure, or measurements."
             )
         top = dict.fromkeys((actuator.input for actuator in chain.actuators), end)

@@ -39,7 +39,7 @@ from pliant_tables.opening import open_sheet
 FAMILY = "table"
 DESIGN = "design"  # column with the design's number in a sweep's table
 FULL_TURN = 2 * math.pi
-ASKED = " Names are asked for: no header says whether an angle is that of half a module, or which way a moment acts."
+ASKED = " Names must be confirmed: no header states whether an angle is that of half a module, or the sign of a moment."
 NEEDED = "pressure_pa (or tendon_force_n),angle_rad,moment_n_m"
 Value = float | int | str | bool
 
@@ -122,7 +122,7 @@ def read_labelled_designs(path: Path) -> list[tuple[str, ModuleData]]:
         groups.setdefault(tuple(cells[row] for cells in telling), []).append(row)
     if not numbered and 1 < len(table.lines) == len(groups):
         raise UserError(
-            f"{path}: every row is a design of its own; a column '{DESIGN}' with one number per design says which "
+            f"{path}: every row is a separate design; a column '{DESIGN}' with one number per design says which "
             "rows belong together"
         )
     if numbered and ("",) in groups:

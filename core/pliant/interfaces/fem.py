@@ -59,14 +59,14 @@ class FemConfig(ComponentConfig):
         description="how the states are chosen; grid where `pressures` or `angles` are given and this is not",
     )
     error: Ratio = Field(
-        default=2e-4, gt=0, lt=1, description="adaptive: wanted error of the effort / its range in the data"
+        default=2e-4, gt=0, lt=1, description="adaptive: required error of the effort / its range in the data"
     )
     max_states: int = Field(
         default=60,
         ge=8,
         le=512,
-        description="adaptive: at most so many states to fit on the main axis; of a module of several actuations, "
-        "at most so many held states to fit in all",
+        description="adaptive: largest number of states to fit on the main axis; of a module of several actuations, "
+        "largest number of held states to fit in all",
     )
     pressures: int = Field(default=6, ge=2, le=64, description="grid: pressure levels, 0 included")
     angles: int = Field(default=7, ge=3, le=64, description="grid: angles at each pressure level")
@@ -83,7 +83,7 @@ class FemConfig(ComponentConfig):
         default=6,
         ge=2,
         le=128,
-        description="several axes: at most so many states to fit about each of them, twice as many where its two "
+        description="several axes: largest number of states to fit about each of them, twice as many if its two "
         "sides are no mirror images",
     )
     coupling_states: int = Field(
@@ -273,7 +273,7 @@ class FEMBackend(Configured[FemConfig]):
             )
         if self.config.self_contact == "solve" and "contact" not in self.knows:
             raise UserError(
-                f"fem '{self.config.kind}' does not solve contact, which 'self_contact: solve' asks for; use fem.kind "
+                f"fem '{self.config.kind}' does not solve contact, which 'self_contact: solve' requires; use fem.kind "
                 "'skfem', or 'self_contact: end'."
             )
         require_regions(problem.mesh.regions, material.regions)

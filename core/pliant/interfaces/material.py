@@ -42,7 +42,7 @@ class MaterialConfig(ComponentConfig):
         for name, config in (regions.named() if regions else {}).items():
             if config.regions is not None:
                 raise ValueError(
-                    f"the material of region '{name}' has regions of its own, which mean nothing"
+                    f"the material of region '{name}' has regions of its own, which is not allowed"
                 )
         return regions
 

@@ -44,7 +44,7 @@ class StudyLoads(FrozenModel):
 
     actuation_low: Actuation = Field(default=0.0, ge=0, description="smallest actuation with loads")
     actuation_step: Actuation = Field(gt=0, description="between actuations")
-    effort_low: Effort = Field(default=0.0, le=0, description="largest load the other way")
+    effort_low: Effort = Field(default=0.0, le=0, description="largest load in the opposite direction")
     effort_high: Effort = Field(ge=0, description="largest load")
     effort_step: Effort = Field(gt=0, description="between loads")
 

@@ -59,8 +59,8 @@ def with_known_states(measurement: Measurement) -> tuple[Measurement, tuple[str,
         return measurement, ()
     of = "All runs" if len(found) == len(runs) else f"{len(found)} of {plural(len(runs), 'run')}"
     return replace(measurement, runs=tuple(runs)), (
-        f"{of} begin in motion or lack a stretch in which inputs move (run '{found[0]}' first): what the model "
-        f"remembers is not known there, and {number(seconds, 3)} s of readings after it are left out.",
+        f"{of} begin in motion or lack a stretch in which inputs move (run '{found[0]}' first): "
+        f"the model's memory is not known there, and {number(seconds, 3)} s of readings after it are left out.",
     )
 
 

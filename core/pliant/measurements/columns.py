@@ -14,6 +14,7 @@ from pliant_tables.preamble import rates
 from pliant_tables.schema import FRAMES, FileColumn, Known, Schema, check_named, noted, stamped
 from pliant_tables.sheet import NumberedSheet, Sheet
 from pliant_tables.side_by_side import group_numbered_names
+from pliant_tables.split_clock import SplitClockSheet, with_joined_clock
 from pliant_tables.units import parse_si_value, stem
 
 # The measurement CSV of docs/measurement_files.md.
@@ -113,10 +114,12 @@ def match(
     found = MEASUREMENT.matched(path, written, notes, inputs, stamped(sheet))
     if (
         "time_s" not in found
-        and (clock := _labview_clock(sheet) or _frame_clock(sheet, notes, notes_name)) is not None
+        and (clock := _labview_clock(sheet) or _joined_clock(sheet) or _frame_clock(sheet, notes, notes_name))
+        is not None
     ):
         found["time_s"] = clock
     check("zero", notes.zero, [*named, *found])
+    check("wrap", notes.wrap, [*named, *found])
     return {name: with_zero(column, notes, notes_name) for name, column in found.items()}
 
 
@@ -140,7 +143,24 @@ def _labview_clock(sheet: Sheet) -> FileColumn | None:
     return None
 
 
-def with_frames(sheet: Sheet, notes: MeasurementNotes) -> Sheet:
+def _joined_clock(sheet: Sheet) -> FileColumn | None:
+    """Return the clock that was written in two columns, in seconds."""
+    if isinstance(sheet, SplitClockSheet):
+        return FileColumn(sheet.name, "time_s", "time", "s", in_unit="s")
+    return None
+
+
+def with_clock(sheet: Sheet, notes: MeasurementNotes) -> Sheet:
+    """Return the sheet with a clock of two columns joined, or its rows numbered as frames.
+
+    A file with a clock of its own keeps it, and both columns are none.
+    """
+    named = {meant for name in sheet.header for meant in meanings(bare(name))}
+    joined = sheet if "time" in named or notes.rate is not None else with_joined_clock(sheet)
+    return joined if isinstance(joined, SplitClockSheet) else _with_frames(sheet, notes)
+
+
+def _with_frames(sheet: Sheet, notes: MeasurementNotes) -> Sheet:
     """Return the sheet with its rows numbered as frames if it has no clock and the rate of its rows is known.
 
     The rate is `rate` in the notes; positions of Qualisys without frames state theirs.
@@ -175,7 +195,7 @@ def _frame_clock(sheet: Sheet, notes: MeasurementNotes, notes_name: str) -> File
             else ""
         )
         raise UserError(
-            f"{sheet.path}: column '{written}' holds numbers of pictures, and nothing says their rate{several}. Write "
+            f"{sheet.path}: column '{written}' contains frame numbers, and their rate is not stated{several}. Write "
             f"'rate: 25 Hz', or what it was, into {notes_name}."
         )
     rate = notes.rate if notes.rate is not None else stated.pop()

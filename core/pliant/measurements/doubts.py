@@ -63,7 +63,8 @@ def sensor_doubts(runs: Sequence[MeasuredRun], columns: Mapping[str, FileColumn]
     return doubts
 
 
-def _quantity(value: float, column: FileColumn) -> str:
+def quantity_text(value: float, column: FileColumn) -> str:
+    """Return a value in SI as the file would have it, with its unit."""
     unit = column.in_unit or column.unit
     return f"{number((value - column.shift) / column.scale if column.scale else value, 5)} {unit}"
 
@@ -76,7 +77,7 @@ def _absolute(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> li
     high_up = HIGH_UP_PA[0] <= begin < HIGH_UP_PA[1] and _bends_from_zero(runs)
     if not (at_sea or high_up) or low < begin - BELOW_PA or high < (1 + MOVES) * begin:
         return []
-    value = _quantity(begin, column)
+    value = quantity_text(begin, column)
     return [
         Doubt(
             column.written,
@@ -114,7 +115,7 @@ def _zero(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> list[D
             begins.append(float(run.outputs[name][0]))
     if not begins or span == 0 or np.ptp(begins) > ALIKE * span or min(map(abs, begins)) < OFF * span:
         return []
-    value = _quantity(float(np.median(begins)), column)
+    value = quantity_text(float(np.median(begins)), column)
     return [
         Doubt(
             column.written,
@@ -144,9 +145,9 @@ def _beginning(runs: Sequence[MeasuredRun], column: FileColumn, notes: str) -> l
     spans = ", ".join(f"{{run: {run}, end: {number(until, 3)} s}}" for run, (_, _, until) in found.items())
     more = f" ({plural(len(found) - 1, 'more run')} likewise)" if len(found) > 1 else ""
     text = (
-        f"{column.written}: run '{name}' {MID_MOTION}, from {_quantity(first, column)} to {_quantity(end, column)} "
-        f"while its inputs stand still{more}, and a run is taken to begin at rest. Write 'exclude: [{spans}]' into "
-        f"{notes}, or record the beginning. Nothing was changed."
+        f"{column.written}: run '{name}' {MID_MOTION}, from {quantity_text(first, column)} to "
+        f"{quantity_text(end, column)} while its inputs stand still{more}, and a run is taken to begin at rest. "
+        f"Write 'exclude: [{spans}]' into {notes}, or record the beginning. Nothing was changed."
     )
     return [Doubt(column.written, "beginning", text)]
 
@@ -211,9 +212,9 @@ def _still(runs: Sequence[MeasuredRun], name: str, column: FileColumn, notes: st
                 continue
             first, last = run.lines[start], run.lines[end - 1]
             text = (
-                f"{column.written} {what} {_quantity(float(own[start]), column)}, from line {first} to {last}, while "
-                f"the rest moves on: if it is {kind}, write 'exclude: [{{run: {run.name}, lines: [{first}, {last}]}}]' "
-                f"into {notes}. Nothing was changed."
+                f"{column.written} {what} {quantity_text(float(own[start]), column)}, from line {first} to {last}, "
+                f"while the rest moves on: if it is {kind}, write "
+                f"'exclude: [{{run: {run.name}, lines: [{first}, {last}]}}]' into {notes}. Nothing was changed."
             )
             return [Doubt(column.written, kind, text)]
     return []

@@ -11,10 +11,13 @@ import numpy as np
 
 from pliant.config.measurements import JoinedFile, MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, with_frames
+from pliant.measurements.columns import EXAMPLES, MEASUREMENT, match, with_clock
 from pliant.measurements.gathering import Gatherer
+from pliant.measurements.interleaved import Line, longest_line, values_between
 from pliant.measurements.notes import effective_notes
+from pliant.measurements.wrapping import stated_unwrapper
 from pliant.records.design import Array
+from pliant.records.history import History
 from pliant_tables.cells import Cells
 from pliant_tables.opening import open_sheet
 from pliant_tables.schema import FileColumn
@@ -22,6 +25,7 @@ from pliant_tables.units import parse_si_value
 
 NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
 FIELD = re.compile(r"\{([A-Za-z]\w*)\}")
+SWITCH = "valve_open"  # holds its state from row to row
 MOST_ROWS = 20_000_000  # of a joined file
 AT_ITS_ENDS = 1e-9  # of its span by which a time may exceed it: clocks are written with few digits
 
@@ -60,27 +64,51 @@ class Elsewhere:
 
 @dataclass(frozen=True)
 class Joined:
-    """Inputs and conditions of another logger: per run, the times on this file's clock and (n,) each column."""
+    """Inputs and conditions of another logger: per run, the times on this file's clock and (n,) each column.
+
+    Attributes:
+        columns: of the other file, by Pliant's name.
+        hold: each value holds until the next row, and the last one to the end.
+    """
 
     name: str
     runs: dict[str, tuple[Array, tuple[Array, ...]]]
-    width: int
+    columns: Mapping[str, FileColumn]
+    hold: bool = False
 
     def at(self, times: Array, runs: Cells) -> list[Array]:
         """Return (n,) of each column at some times."""
-        found = np.full((self.width, len(times)), np.nan)
-        alone = next(iter(self.runs)) if len(self.runs) == 1 else None
+        found = np.full((len(self.columns), len(times)), np.nan)
         names = np.array(runs, object)
         for run in dict.fromkeys(runs):
-            clock, columns = self.runs.get(alone if alone is not None else run.strip(), (None, ()))
+            clock, columns = self._of(run)
             if clock is None:
                 continue
             rows = names == run
             reach = AT_ITS_ENDS * max(float(np.ptp(clock)), 1.0)
-            inside = (times >= clock[0] - reach) & (times <= clock[-1] + reach)
-            for k, values in enumerate(columns):
-                found[k] = np.where(rows & inside, np.interp(times, clock, values), found[k])
+            inside = (times >= clock[0] - reach) & ((times <= clock[-1] + reach) | self.hold)
+            within = np.clip(times, clock[0], clock[-1])
+            for k, (name, values) in enumerate(zip(self.columns, columns, strict=True)):
+                own = values_between(within, clock, values, self.hold or name == SWITCH)
+                found[k] = np.where(rows & inside, own, found[k])
         return list(found)
+
+    def long_lines(self, histories: Sequence[History]) -> dict[str, Line]:
+        """Return the longest straight line of each input over the rows of this file."""
+        found: dict[str, Line] = {}
+        for history in histories:
+            clock, columns = self._of(history.run)
+            if clock is None or history.time_s is None:
+                continue
+            for name, values in zip(self.columns, columns, strict=True):
+                line = longest_line(history.time_s, clock, values) if name in history.actuation else None
+                if line is not None and line.rows > (found[name].rows if name in found else 0):
+                    found[name] = line
+        return found
+
+    def _of(self, run: str) -> tuple[Array | None, tuple[Array, ...]]:
+        alone = next(iter(self.runs)) if len(self.runs) == 1 else None
+        return self.runs.get(alone if alone is not None else run.strip(), (None, ()))
 
 
 def external_columns(
@@ -111,7 +139,9 @@ def external_columns(
         for written, text in (found or {}).items():
             column = fields[written]
             if column.name in own:
-                remarks.append(f"{column.name} stands in the file, so its name is not asked for it.")
+                remarks.append(
+                    f"{column.name} is a column of the file, so that it is not read from the file's name."
+                )
             elif column.role == "text":
                 texts[column.name] = text
             else:
@@ -201,7 +231,7 @@ def _fields(pattern: str, notes_name: str, actuation: Sequence[str] | None) -> d
         if column is None:
             raise UserError(
                 f"{notes_name}: 'name_pattern' has '{{{name}}}', which is not a column of a measurement"
-                f"{closest(name, EXAMPLES)} Use * for a part that says nothing."
+                f"{closest(name, EXAMPLES)} Use * for a part without a meaning."
             )
         fields[name] = column
     return fields
@@ -222,7 +252,7 @@ def _joined(
     other = path.parent / join.file
     notes, notes_name = effective_notes(other, None)
     with open_sheet(other, MEASUREMENT.example, notes, notes_name) as opened:
-        sheet = with_frames(opened, notes)
+        sheet = with_clock(opened, notes)
         found = match(sheet, notes, notes_name, frozenset(actuation or ()))
         clock = found.get("time_s")
         used = [c for c in found.values() if c.role in ("input", "condition") and c.name not in own]
@@ -233,13 +263,15 @@ def _joined(
                 f"{other}: a file that is joined has time_s, and inputs or conditions that {path.name} lacks; it has "
                 f"{lacks} (its columns: {', '.join(filter(None, sheet.header))})."
             )
-        gatherer = Gatherer((clock, *used), sheet.problems, MOST_ROWS)
+        in_si = clock if clock.stamped else replace(clock, in_unit="", scale=1.0, shift=0.0)
+        gatherer = Gatherer((in_si, *used), sheet.problems, MOST_ROWS)
+        unwrapper = stated_unwrapper(notes, notes_name, (clock, *used), si=True)
         places = {name: i for i, name in enumerate(sheet.header)}
         for block in sheet.blocks():
             numbers = [column.values(block, places[column.written]) for column in (clock, *used)]
             alone = (other.stem,) * len(block.lines)
             runs = block.texts(places[found["run"].written]) if "run" in found else alone
-            gatherer.add(np.column_stack(numbers), block.lines, runs, None)
+            gatherer.add(np.column_stack(unwrapper.unwrap(numbers, runs)), block.lines, runs, None)
         gatherer.finish()
     sheet.problems.raise_if_any()
     tables = {rows.name: np.concatenate(rows.parts) for rows in gatherer.runs if rows.kept}
@@ -248,8 +280,10 @@ def _joined(
         raise UserError(f"{other}: {gatherer.no_rows()}")
     columns = [FileColumn(other.name, c.name, c.role, c.unit, in_unit=c.in_unit) for c in used]
     shift = f", its clock shifted by {join.shift_s:g} s" if join.shift_s else ""
-    remark = (
-        f"{', '.join(c.name for c in columns)} from {other.name}{shift}: straight lines at this file's times, nothing "
-        "outside its span."
+    remark = f"{', '.join(c.name for c in columns)} from {other.name}{shift}: " + (
+        "each value holds until the next row, and the last one to the end."
+        if join.hold
+        else "interpolated linearly at this file's times, not extrapolated."
     )
-    return Joined(other.name, runs_of, len(used)), columns, remark
+    joined = Joined(other.name, runs_of, {column.name: column for column in used}, bool(join.hold))
+    return joined, columns, remark

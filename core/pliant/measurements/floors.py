@@ -136,8 +136,8 @@ _OPEN: dict[Source, str] = {
         "cannot be judged. Do one run twice."
     ),
     "unknown": (
-        "no repeats, no sigma and too few readings per run to see their noise. Whether the error is more than noise "
-        "cannot be judged. Do one run twice, or state 'sigma' in the YAML."
+        "no repeats, no sigma and too few readings per run to estimate their noise. Whether the error is more than "
+        "noise cannot be judged. Do one run twice, or state 'sigma' in the YAML."
     ),
     "stated sigma": (
         "the floor is the stated sigma. What the bench adds to the sensor's noise (slip, offsets between runs) is in "

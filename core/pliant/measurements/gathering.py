@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.formatting import plural
+from pliant.measurements.interleaved import Line, longest_line, values_between
+from pliant.measurements.plausible import as_key
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant_tables.cells import Cells, Problems, lines_text
 from pliant_tables.clock import Disorder
-from pliant_tables.schema import FileColumn
+from pliant_tables.schema import FRAMES, FileColumn
 
 MOST_RUNS = 10_000
+NOTHING: Mapping[str, bool] = {}
 DEFAULTS = {
     "temperature_c": f"{REFERENCE_TEMPERATURE_C:g} °C",
     "payload_kg": "the chain's own",
@@ -83,6 +86,8 @@ class Gatherer:
         doubles: rows that are identical to the row before; they are left out.
         split_runs: runs whose rows are not contiguous, with the line where each continues.
         named_by: the line of the notes by which a column that is not read would name the runs.
+        filled: inputs that are filled between their own rows, and whether they hold until the next one.
+        lines: the longest straight line of each of them.
         sorted_runs: runs whose rows were sorted by time, with the first line that was out of order.
     """
 
@@ -93,6 +98,7 @@ class Gatherer:
         most: int,
         restarts: bool = False,
         named_by: str = "",
+        filled: Mapping[str, bool] = NOTHING,
     ) -> None:
         self.named_by = named_by
         self.restarts = restarts
@@ -107,7 +113,11 @@ class Gatherer:
         self._now = -1
         roles = [column.role for column in columns]
         self._time = roles.index("time") if "time" in roles else None
-        self._needed = [i for i, role in enumerate(roles) if role in ("time", "input")]
+        self.filled, self.lines = filled, dict[str, Line]()
+        self._filled = [i for i, column in enumerate(columns) if column.name in filled]
+        self._needed = [
+            i for i, role in enumerate(roles) if role in ("time", "input") and i not in self._filled
+        ]
         self._noted = [i for i, role in enumerate(roles) if role in ("condition", "cycle")]
 
     def add(self, table: Array, lines: Array, runs: Cells, specimens: Cells | None) -> None:
@@ -246,17 +256,42 @@ class Gatherer:
             found = run.disorder
             if found is None or self._time is None:
                 continue
-            if run.stride == 1 and found.sortable(run.count):
+            column = self.columns[self._time]
+            counter = found.counter(column.stamped)
+            if counter is None and run.stride == 1 and found.sortable(run.count):
                 table = np.concatenate(run.parts)
                 table = table[np.argsort(table[:, self._time], kind="stable")]
                 if (np.diff(table[:, self._time]) > 0).all():
                     run.parts = [table]
                     self.sorted_runs[run.name] = found.line
                     continue
-            for line, text in found.sentences(
-                run.name, self.split_runs.get(number), self.problems.notes_name, self.named_by
-            ):
+            goes_on, notes = self.split_runs.get(number), self.problems.notes_name
+            wraps = "" if counter is None else _wrap_line(column, *counter)
+            for line, text in found.sentences(run.name, goes_on, notes, self.named_by, wraps):
                 self.problems.add(line, text)
+
+        for run in self.runs:
+            if self._filled and self._time is not None and run.kept:
+                self._fill(run, self._time)
+
+    def _fill(self, run: RunRows, time: int) -> None:
+        """Fill the inputs that stand in rows of their own; rows outside their span are left out."""
+        if run.stride > 1:
+            names = ", ".join(self.columns[i].name for i in self._filled)
+            raise UserError(
+                f"{self.problems.path}: {names} stands in rows of its own, and {run.count} rows of run '{run.name}' "
+                f"are more than max_samples ({self.most}); raise it, or divide the file."
+            )
+        table = np.concatenate(run.parts)
+        for i in self._filled:
+            name, there = self.columns[i].name, np.isfinite(table[:, i])
+            self.blanks.setdefault(name, Blanks()).add(table[~there, -1], self.runs.index(run))
+            knots, own = table[there, time], table[there, i]
+            line = longest_line(table[:, time], knots, own)
+            if line is not None and line.rows > (self.lines[name].rows if name in self.lines else 0):
+                self.lines[name] = line
+            table[:, i] = values_between(table[:, time], knots, own, self.filled[name])
+        run.parts = [table[np.isfinite(table[:, self._filled]).all(axis=1)]]
 
     def named(self) -> list[RunRows]:
         """Return the runs in the order of their first rows; parts by a restarting clock are numbered: "a 1", "a 2"."""
@@ -285,6 +320,13 @@ class Gatherer:
                     f"{name} is blank in {plural(blanks.count, 'row')} ({lines_text(blanks.lines, blanks.count)}): "
                     "left out; inputs are taken as straight lines across them."
                 )
+        for name, hold in self.filled.items():
+            if blanks := self.blanks.get(name):
+                how = "held until the next one" if hold else "taken as straight lines between them"
+                remarks.append(
+                    f"{name} stands in rows of its own ({plural(blanks.count, 'other row')}): {how}; rows outside "
+                    "their span are left out."
+                )
         if doubles := self.doubles.count:
             remarks.append(
                 f"Left out: {plural(doubles, 'row')} equal to the row before in every column "
@@ -295,8 +337,8 @@ class Gatherer:
         if self.split_runs:
             run, line = next(iter(self.split_runs.items()))
             remarks.append(
-                f"Rows of {len(self.split_runs)} of {len(self.runs)} runs do not stand together (run "
-                f"'{self.runs[run].name}' goes on in line {line}); they were put together in the file's order."
+                f"Rows of {len(self.split_runs)} of {len(self.runs)} runs are not consecutive (run "
+                f"'{self.runs[run].name}' continues in line {line}); they were joined in the file's order."
             )
         remarks += self.order_remarks()
         if thinned := [run for run in self.runs if run.stride > 1]:
@@ -305,7 +347,7 @@ class Gatherer:
             remarks.append(
                 f"{total} rows are more than max_samples ({self.most}): of {len(thinned)} of {len(self.runs)} runs "
                 f"only a part of the rows is kept (run '{longest.name}': one in {longest.stride} of "
-                f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
+                f"{longest.count}). Nothing was averaged; changes faster than the kept rows are lost."
             )
         return remarks
 
@@ -343,3 +385,13 @@ class Gatherer:
                     f"({lines_text(blanks.lines, blanks.count)}): left out; write {default} where that is meant."
                 )
         return remarks
+
+
+def _wrap_line(clock: FileColumn, what: str, span: float) -> str:
+    """Return what began again, and the line of the notes that continues the clock."""
+    size = (
+        f"{clock.scale * span:.10g} s"
+        if clock.in_unit == FRAMES
+        else f"{span:.10g} {clock.in_unit or clock.unit}"
+    )
+    return f"{what} does; write 'wrap: {{{as_key(clock.written)}: {'1 h' if clock.stamped else size}}}'"

@@ -23,16 +23,22 @@ from pliant.measurements.proposing import (
 from pliant.records.remark import detail
 from pliant.registry.data_kind import data_kinds
 from pliant.registry.shipped import REMEDY
+from pliant_tables.cells import looks_numeric
 from pliant_tables.names import bare, meanings
 from pliant_tables.proposals import lines_to_write
 from pliant_tables.schema import FRAMES, FileColumn, noted
 from pliant_tables.sheet import Sheet
 from pliant_tables.side_by_side import check_side_by_side
+from pliant_tables.split_clock import SplitClockSheet
 from pliant_tables.testers import tester_columns
 from pliant_tables.units import stem
 
 HELD = ("held_angle_rad", "held_elongation_strain")  # prescribed: then no supply is needed
 TWIST = re.compile(r"curvature[ _]x\b.*|curvature[ _]x_.*", re.IGNORECASE)
+VALUE, MOST_KINDS = (
+    re.compile(r"_?(value|reading|wert|messwert|data)", re.IGNORECASE),
+    50,
+)  # of a table in long form
 ANOTHER = "another.csv"  # placeholder for a file that has not been named
 
 
@@ -118,8 +124,8 @@ def read_header(
             remarks.append(detail(f"Input '{column.name}' does not drive the chain and is ignored."))
         elif column.role == "count":
             remarks.append(
-                f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts go in a file of "
-                "their own."
+                f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts belong in a "
+                "separate file."
             )
         elif column.role == "sigma" and column.name.removeprefix("sigma_") not in outputs:
             remarks.append(
@@ -134,7 +140,8 @@ def read_header(
             "The file has no column 'time_s': every row is a state that was reached slowly. Effects of rate and time "
             "cannot be judged."
         )
-    remarks += [detail(text) for column in found.values() if (text := _converted(column, notes))]
+    split = isinstance(sheet, SplitClockSheet)
+    remarks += [detail(text) for column in found.values() if (text := _converted(column, notes, split))]
     places = {name: i for i, name in enumerate(written)}
     texts: dict[str, int] = {
         name: places[found[name].written] for name in ("run", "specimen") if name in found
@@ -190,15 +197,26 @@ def _check_clock(
     for name in unknown:
         if "time" in meanings(bare(name)) and not _renamed(notes, name):
             inputs, outputs = () if "input" in roles else DRIVES, () if "output" in roles else READ
+            first = sheet.first(sheet.header.index(name))
+            if first and not looks_numeric(first, replace(sheet.marks, comma=True)):
+                raise UserError(
+                    f"{sheet.path}: column '{name}' is called as a clock, and '{first[:30]}' is neither a number nor a "
+                    "time; write numbers with the unit in the name, such as time_s, or times as 10:00:00.125."
+                )
             raise UserError(
                 f"{sheet.path}: column '{name}' is called as a clock and does not say its unit; without it the rows "
                 f"would be states reached slowly.{block_to_paste(sheet, notes_name, unknown, inputs, outputs)}"
             )
 
 
-def _converted(column: FileColumn, notes: MeasurementNotes) -> str:
-    """Return a sentence on the conversion of a column's numbers; empty if they are unchanged."""
+def _converted(column: FileColumn, notes: MeasurementNotes, split: bool) -> str:
+    """Return a sentence on the conversion of a column's numbers; empty if they are unchanged.
+
+    `split`: the clock is written in two columns.
+    """
     about = f"Column '{column.written}'"
+    if column.role == "time" and split:
+        return f"{about} is in two, seconds and nanoseconds: time_s is their sum."
     if column.in_unit == FRAMES:
         return f"{about} holds numbers of pictures: time_s = value / {1 / column.scale:g} Hz."
     if column.stamped:
@@ -276,6 +294,8 @@ def _check_needed(
             f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
             f"are needed here; {takers}"
         )
+    if long := _long_form(sheet, unknown):
+        raise UserError(f"{path}: {long}")
     listed = ", ".join(unknown[:20])
     above = sheet.header_line > 1
     elsewhere = f", 'header: …' that another line than {sheet.header_line} names them" if above else ""
@@ -316,3 +336,18 @@ def _check_needed(
             f"or elongation_strain{of_the_file}{has + join if has else ''}{paste}",
             "readings",
         )
+
+
+def _long_form(sheet: Sheet, unknown: Sequence[str]) -> str:
+    """Return a sentence on a table in long form, whose rows name their quantity; empty for other tables."""
+    values = [name for name in unknown if VALUE.fullmatch(bare(name))]
+    for name in unknown if values else ():
+        cells = [row[sheet.header.index(name)].strip() for row in sheet.sample]
+        kinds = list(dict.fromkeys(filter(None, cells)))
+        if 2 <= len(kinds) <= MOST_KINDS and not any(looks_numeric(kind, sheet.marks) for kind in kinds):
+            return (
+                f"column '{name}' says what the '{values[0]}' of each row is ({', '.join(kinds[:3])}"
+                f"{', …' if len(kinds) > 3 else ''}); write one column for each, named so, as pivot tables do: cells "
+                "without a reading may be blank."
+            )
+    return ""

@@ -11,6 +11,7 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.records.measurement import Doubt
 from pliant.records.remark import Rank, Remark
+from pliant_tables.proposals import VACUUM, plain_words
 from pliant_tables.schema import FileColumn
 from pliant_tables.units import conversion
 
@@ -161,6 +162,28 @@ def time_doubts(step_s: float, whole: bool, notes: str, clock: FileColumn) -> li
         return []
     text = f"{clock.written} steps by {step_s:g}, in whole numbers"
     return [Doubt(clock.written, "unit", _advice(text, clock, "ms", notes))]
+
+
+def vacuum_doubts(usual: Mapping[str, float], notes: str, columns: Mapping[str, FileColumn]) -> list[Doubt]:
+    """Return a doubt for each pressure that is called a vacuum and counts it positive.
+
+    Args:
+        usual: the mean value of each input, SI.
+        notes: name of the YAML file to write the unit into.
+        columns: those of the file, by Pliant's name.
+    """
+    doubts = []
+    for name, value in usual.items():
+        column = columns.get(name)
+        if column is None or not VACUUM.search(plain_words(column.written)) or column.scale < 0 or value <= 0:
+            continue
+        unit = column.in_unit or column.unit
+        text = (
+            f"{column.written} is called a vacuum and is positive: pressures count from the surroundings. If it counts "
+            f"downward, write 'units: {{{as_key(column.written)}: -1 {unit}}}' in {notes}. Nothing was changed."
+        )
+        doubts.append(Doubt(column.written, "sign", text))
+    return doubts
 
 
 def as_remark(doubt: Doubt) -> Remark:

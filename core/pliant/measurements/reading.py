@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,29 @@ from pliant.config.measurements import (
 from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
-from pliant.measurements.columns import MEASUREMENT, column_si_unit, match, outputs_among, with_frames
-from pliant.measurements.doubts import sensor_doubts
+from pliant.measurements.columns import MEASUREMENT, column_si_unit, match, outputs_among, with_clock
+from pliant.measurements.doubts import quantity_text, sensor_doubts
 from pliant.measurements.elsewhere import Elsewhere, external_columns
 from pliant.measurements.gathering import Gatherer, RunRows
 from pliant.measurements.header import Header, read_header
 from pliant.measurements.highpass import noise_variance
+from pliant.measurements.interleaved import Line, filled_inputs, line_doubt
 from pliant.measurements.notes import file_digest, notes_on
-from pliant.measurements.plausible import as_remark, implausible_columns, time_doubts
+from pliant.measurements.plausible import (
+    as_key,
+    as_remark,
+    implausible_columns,
+    time_doubts,
+    vacuum_doubts,
+)
 from pliant.measurements.proposing import rate_doubts, rename_line, run_doubts
+from pliant.measurements.wrapping import (
+    Unwrapper,
+    hour_doubts,
+    stated_unwrapper,
+    turn_doubts,
+    with_whole_turns,
+)
 from pliant.records.design import Array
 from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History, LetGo
 from pliant.records.measurement import Doubt, MeasuredRun, Measurement, SensorFrame
@@ -55,7 +70,7 @@ AT_REST = 0.05  # of the range above the lowest point: still at rest
 Levels = tuple[str, float, float]
 # Remarks on a single file, which are dropped for files that are read together.
 ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
-NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
+NEVER_CHANGES = "never changes: its influence cannot be judged."
 
 
 def read_measurement(
@@ -90,7 +105,7 @@ def read_measurement(
     path = Path(FRAME if in_memory else source)
     notes, notes_name = notes_on(source, settings)
     with open_sheet(source if in_memory else path, MEASUREMENT.example, notes, notes_name) as opened:
-        sheet = with_frames(opened, notes)
+        sheet = with_clock(opened, notes)
         asked = notes.join is not None or notes.name_pattern is not None or bool(notes.runs)
         own = set(match(sheet, notes, notes_name, frozenset(), elsewhere_noted)) if asked else set()
         other = external_columns(path, notes, notes_name, actuation, own) if asked else Elsewhere()
@@ -99,8 +114,10 @@ def read_measurement(
         header = read_header(sheet, notes, notes_name, actuation, given, elsewhere_noted)
         most = settings.max_samples if isinstance(settings, MeasurementsConfig) else MOST_SAMPLES
         named_by = next((rename_line(name, "run") for name, is_ in header.may_be.items() if is_ == "run"), "")
-        gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None, named_by)
-        _gather(sheet, header, other, gatherer, progress or Silent())
+        filled = filled_inputs(sheet, header.columns, notes, notes_name)
+        gatherer = Gatherer(header.every, sheet.problems, most, notes.restarts is not None, named_by, filled)
+        unwrapper = stated_unwrapper(notes, notes_name, header.columns)
+        _gather(sheet, header, other, gatherer, unwrapper, progress or Silent())
         gatherer.finish()
     sheet.problems.raise_if_any()
     gathered = gatherer.named()
@@ -156,7 +173,13 @@ def read_measurement(
     said += _look(runs)
     doubts = run_doubts(sheet, header.may_be, notes_name) if header.may_be else []
     doubts += [] if header.names("time") else rate_doubts(sheet, notes_name)
-    doubts += _doubts(runs, expected or {}, notes_name, {column.name: column for column in header.columns})
+    own_columns = {column.name: column for column in header.columns}
+    doubts += _line_doubts(runs, own_columns, gatherer.lines, other, notes, notes_name)
+    turns = turn_doubts(runs, own_columns, notes, notes_name)
+    continued = with_whole_turns(
+        runs, [name for name, c in own_columns.items() if c.written in {d.column for d in turns}]
+    )
+    doubts += [*turns, *_doubts(continued, expected or {}, notes_name, own_columns)]
     said += map(as_remark, doubts)
     doubts += [Doubt(text.partition(":")[0], "order", text) for text in gatherer.order_remarks()]
     return Measurement(
@@ -230,7 +253,14 @@ def _let_go(runs: Sequence[MeasuredRun], stated: Mapping[str, LetGoConfig]) -> l
     return marked
 
 
-def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, progress: Progress) -> None:
+def _gather(
+    sheet: Sheet,
+    header: Header,
+    other: Elsewhere,
+    gatherer: Gatherer,
+    unwrapper: Unwrapper,
+    progress: Progress,
+) -> None:
     large = sheet.path.is_file() and sheet.path.stat().st_size > LARGE_FILE
     task = progress.begin(f"read {sheet.path.name}, rows", sheet.lines()) if large else Silent()
     run, specimen = (header.texts.get(name) for name in ("run", "specimen"))
@@ -248,6 +278,7 @@ def _gather(sheet: Sheet, header: Header, other: Elsewhere, gatherer: Gatherer, 
                 before = specimens or ("",) * count
                 pairs = zip(runs, before, strict=True)
                 specimens = tuple(other.specimens.get(name.strip(), body) for name, body in pairs)
+            numbers = unwrapper.unwrap(numbers, runs)
             times = None
             if clock is not None:
                 times = clock.scale * numbers[header.columns.index(clock)] + clock.shift
@@ -424,8 +455,45 @@ def _doubts(
     for i, name in enumerate(inputs):
         if any(column_si_unit(name) == column_si_unit(other) for other in inputs[:i]):
             del largest[name]  # of inputs with the same unit only the largest is judged: the others may idle
+    usual = {
+        name: float(np.mean([np.nanmean(h.actuation[name]) for h in histories if len(h)])) for name in inputs
+    }
+    doubts += [*hour_doubts(runs, clock), *vacuum_doubts(usual, notes_name, columns)]
     doubts += implausible_columns(largest, expected, notes_name, columns)
     return doubts + sensor_doubts(runs, columns, notes_name)
+
+
+def _line_doubts(
+    runs: Sequence[MeasuredRun],
+    columns: Mapping[str, FileColumn],
+    lines: Mapping[str, Line],
+    other: Elsewhere,
+    notes: MeasurementNotes,
+    notes_name: str,
+) -> list[Doubt]:
+    """Return a doubt for each input that takes a long straight line and may have held its value instead."""
+    doubts = []
+    for name, line in lines.items():
+        column = columns[name]
+        if noted(notes.hold, column.written, stem(column.written), name) is None:
+            line = replace(
+                line,
+                **{end: column.scale * getattr(line, end) + column.shift for end in ("first", "last")},
+            )
+            remedy = f"hold: {{{as_key(column.written)}: true}}"
+            doubts.append(
+                line_doubt(column.written, line, partial(quantity_text, column=column), remedy, notes_name)
+            )
+    if other.joined is not None and notes.join is not None and notes.join.hold is None:
+        for name, line in other.joined.long_lines([run.history for run in runs]).items():
+            column = other.joined.columns[name]
+            remedy = f"join: {{file: {notes.join.file}, hold: true}}"
+            if notes.join.shift_s:
+                remedy = remedy.replace("}", f", shift: {notes.join.shift_s:g} s}}")
+            doubts.append(
+                line_doubt(column.written, line, partial(quantity_text, column=column), remedy, notes_name)
+            )
+    return doubts
 
 
 def _levels(notes: MeasurementNotes, notes_name: str, header: Header) -> Levels | None:

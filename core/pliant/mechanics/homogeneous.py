@@ -133,5 +133,5 @@ def stability_remarks(solid: HomogeneousSolid) -> tuple[str, ...]:
         return ()
     return (
         f"With the material's constants the nominal stress falls at stretches {', '.join(places)}: it is unstable "
-        "there, and FEM states that reach so far fail or are not to be trusted.",
+        "there, and FEM states at such stretches fail or are unreliable.",
     )

@@ -67,7 +67,7 @@ def blocked_efforts(chain: ChainModel, histories: Sequence[History], paths: Sequ
     Args:
         chain: with its law terms.
         histories: inputs and conditions of the chain, runs of a specimen in chronological order.
-        paths: see `imposed`.
+        paths: see `prescribed_motion`.
     """
     damage: dict[tuple[str, int], list[float]] = {}
     found = []

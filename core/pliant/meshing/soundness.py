@@ -167,7 +167,7 @@ def _hollow_found(
     for plane in planes:
         inside = np.flatnonzero(plane.nodes[faces].all(axis=1))
         if len(inside):
-            at = f"the plane {plane}, where the module goes on"
+            at = f"the plane {plane}, where the module continues"
             yield f"{len(inside)} faces of {name} lie in {at}: they are no wall"
             return
     loose = loose_edges(faces)

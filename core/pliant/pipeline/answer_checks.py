@@ -46,7 +46,7 @@ def answer_doubts(figures: Mapping[str, Any]) -> Iterator[str]:
     if work is not None and abs(work - 1.0) > BALANCE:
         yield (
             f"The actuation does {percent(work)} of the work that the free module stores: pressure acts on other faces "
-            "than those that enclose the volume, or on their wrong side. Look at the cavity's faces."
+            "than those that enclose the volume, or on their wrong side. Check the cavity's faces."
         )
     if stiffness is not None and not SOFTEST <= stiffness <= STIFFEST:
         why = (

@@ -204,7 +204,7 @@ def require_sound(problem: ModuleProblem, kind: str) -> None:
     if found:
         raise UserError(
             f"the mesh of the family '{kind}' cannot be solved as it is: {found}. "
-            f"'pliant check family {kind}' looks at more."
+            f"'pliant check family {kind}' checks more."
         )
 
 

@@ -47,7 +47,7 @@ def check_asked(backend: PhysicsBackend, task: Task | SceneTask | None) -> None:
         )
     if task.arms_touch and not backend.capabilities.arms_touch:
         raise UserError(
-            f"physics '{kind}' lets fingers go through each other, and this task wants them to touch; use 'mujoco', or "
+            f"physics '{kind}' has no contact between fingers, which this task requires; use 'mujoco', or "
             "leave 'finger_contact' out."
         )
 

@@ -277,5 +277,5 @@ def highest_actuation(study: Study, chain: ChainModel) -> float:
         if value is not None and np.isfinite(value) and value > 0:
             return float(value)
     raise UserError(
-        "nothing says how far the actuation goes: give the study a task with a pressure, or its law a 'domain'."
+        "the range of the actuation is not stated: give the study a task with a pressure, or its law a 'domain'."
     )

@@ -18,6 +18,12 @@ from pliant.units import si_unit
 # Usual ranges of a study's quantities, SI.
 USUAL: Mapping[str, tuple[float, float]] = {
     "module_length_m": (1e-3, 0.5),
+    "module_radius_m": (5e-4, 0.2),
+    "inner_radius_m": (2e-4, 0.1),
+    "average_radius_m": (3e-4, 0.2),
+    "module_mass_kg": (1e-6, 2.0),
+    "payload_kg": (1e-6, 20.0),
+    "gravity_m_s2": (1.0, 30.0),
     "wall_m": (2e-4, 2e-2),
     "pressure_pa": (100.0, 1e6),
     "shear_modulus_pa": (1e3, 1e8),
@@ -28,11 +34,15 @@ USUAL: Mapping[str, tuple[float, float]] = {
 
 def unusual_numbers(study: Study) -> Iterator[str]:
     """Yield a sentence for each number outside its usual range."""
-    for head in ("family", "material", "chain", "task"):
-        block = getattr(study, head)
+    blocks = [(head, getattr(study, head)) for head in ("family", "material", "chain", "task")]
+    segments = study.chain.segments if study.chain is not None else ()
+    blocks += [(f"chain.segments.{k}", segment) for k, segment in enumerate(segments)]
+    for head, block in blocks:
         for name in type(block).model_fields if isinstance(block, FrozenModel) else ():
             value = getattr(block, name)
             low, high = USUAL.get(name, (-math.inf, math.inf))
+            if name in USUAL and isinstance(value, tuple) and value:
+                value = float(np.abs(value).max())
             if isinstance(value, int | float) and value != 0 and not low <= abs(value) <= high:
                 span = f"{quantity(low, si_unit(name), 3)} to {quantity(high, si_unit(name), 3)}"
                 yield (
@@ -92,7 +102,7 @@ def load_remarks(chain: ChainModel, task: TaskConfig) -> tuple[str, ...]:
         found.append("The chain weighs nothing and gravity does nothing: is chain.module_mass missing?")
     if own is not None and chain.payload_kg not in (0.0, payload_kg):
         kept, left = words.text(payload_kg), words.text(chain.payload_kg)
-        found.append(f"task.payload of {kept} stands in the place of chain.payload of {left}.")
+        found.append(f"task.payload of {kept} replaces chain.payload of {left}.")
     if payload_kg > HEAVY * mass_kg > 0.0:
         grams = words.text(payload_kg / 1000.0)
         found.append(f"A payload of {payload_kg:g} kg on a chain of {words.text(mass_kg, 2)}: is it {grams}?")

@@ -63,7 +63,8 @@ class Doubt:
     Attributes:
         column: its name in the file.
         kind: unit, zero, beginning (in the middle of a motion), saturated, frozen, order (rows that were sorted),
-            rate (stated without a clock), or run (an unread column may name the runs).
+            rate (stated without a clock), run (an unread column may name the runs), turn (an angle that begins again),
+            hold (a straight line that may be a held value), clock (set forward by an hour) or sign (of a vacuum).
         sentence: the reason for the doubt, and the line of the notes that resolves it; it starts with the column.
     """
 

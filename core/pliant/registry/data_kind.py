@@ -38,12 +38,14 @@ class DataKind:
 
     Attributes:
         name: of the kind, `counts`.
-        open: "module:function", called as `open(study, data)` with the data that a user gave in place of the study's,
-            or None; it returns a `MeasuredData`, or None for data of another kind.
+        recognises: "module:function", called as `recognises(study, data)` with the data that a user gave in place of
+            the study's, or None; it returns whether they are of this kind. Its module should import little.
+        open: "module:function", called in the same way for data of this kind; it returns a `MeasuredData`.
         package: name and version of the distribution; filled by `registered`.
     """
 
     name: str
+    recognises: str
     open: str
     package: str = ""
 
@@ -56,8 +58,10 @@ class DataKind:
         """Return an error in this entry, or None, without importing anything."""
         if not (isinstance(self.name, str) and KEY.fullmatch(self.name)):
             return f"a kind of data has name {self.name!r}; write lower-case words joined by '_'"
-        if not is_place(self.open):
-            return f"{self.label} has open {self.open!r}; write it as 'package.module:function'"
+        for field in ("recognises", "open"):
+            place = getattr(self, field)
+            if not is_place(place):
+                return f"{self.label} has {field} {place!r}; write it as 'package.module:function'"
         return None
 
 
@@ -69,7 +73,7 @@ def data_kinds() -> Mapping[str, DataKind]:
 def open_data(study: Any, data: Any = None) -> MeasuredData | None:
     """Return the study's data, or `data`, as those of the kind that recognises them; None for readings."""
     for kind in data_kinds().values():
-        opened: MeasuredData | None = imported(kind.open)(study, data)
-        if opened is not None:
+        if imported(kind.recognises)(study, data):
+            opened: MeasuredData = imported(kind.open)(study, data)
             return opened
     return None

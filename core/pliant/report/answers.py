@@ -54,7 +54,7 @@ def comparison_answers(found: Comparison) -> Answers:
     after = (
         "Nothing to explain here; measure what these runs do not cover."
         if right
-        else "Ask which effect does that: pliant diagnose."
+        else "Identify the effect: pliant diagnose."
     )
     return answers(good, "Nothing that these runs show." if right else missing, sure, after)
 
@@ -79,8 +79,8 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
         "nothing_missing": "Nothing that these runs show",
         "law_off": f"No effect; the law is off{judgement.law}",
         "unknown_effect": "An effect that is not in the list",
-        "not_repeatable": "Not asked: runs with the same inputs differ",
-        "insufficient_data": "Cannot be said from these runs",
+        "not_repeatable": "Not examined: runs with the same inputs differ",
+        "insufficient_data": "Not determined by these runs",
     }[verdict]
     return answers(good, missing, _sure(found), proposed(found.next_run) or demand)
 
@@ -111,9 +111,7 @@ def improvement_answers(found: Improvement) -> Answers:
     added = [kind for step in found.steps for kind in step.added]
     good = errors_text(last.rmse, {name: floor.value for name, floor in found.floors.items()})
     judged = np.isfinite(last.over_floor)
-    good += (
-        f", {_ratio(last.over_floor)} the noise" if judged else ", of which nothing tells how much is noise"
-    )
+    good += f", {_ratio(last.over_floor)} the noise" if judged else ", with an unknown share of noise"
     before = _ratio(first.over_floor) if judged else errors_text(first.rmse, {})
     good += f" (before: {before})" if added else ""
     missing = f"Added: {listed(added)}" if added else "Nothing was added"

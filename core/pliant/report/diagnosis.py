@@ -67,17 +67,17 @@ DEMANDS = {
     "missing_effect": "Add the effect to the study with pliant extend, and compare again.",
     "bench": "Correct the file, not the physics: put the number right where it was written down and compare again.",
     "class": "For predictions, extend the study with the first of them: the others would do the same in such runs. "
-    "Which it is, the run below or a look at the bench tells.",
-    "class_with_law": "Do the run below, which tells the law's own shape from the effect; pliant improve takes what "
-    "predicts better until then.",
-    "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
+    "The run below, or an inspection of the bench, decides between them.",
+    "class_with_law": "Record the run below, which distinguishes an error of the law from the effect; until then "
+    "pliant improve uses the better prediction.",
+    "ambiguous": "Record the run below, add it to the data and diagnose again; do not extend the study yet.",
     "nothing_missing": "Leave the model as it is for what these runs cover.",
     "law_off": "Correct the law: solve FEM states there, try another surrogate or material, or let pliant improve add "
     "the correction.",
     "unknown_effect": "Do not extend the study with an effect that does not reach the floor; measure what the error "
     "depends on.",
     "not_repeatable": "Look at the repeats below: a shift, a drift and a remounted specimen look different there.",
-    "insufficient_data": "Measure what stands below, add it to the file and ask again.",
+    "insufficient_data": "Record the run below, add it to the data and diagnose again.",
 }
 LITTLE_LEFT = (
     "Leave the model as it is unless so small an error matters to you; no effect can take more of it away."
@@ -348,8 +348,8 @@ def _limits(found: Diagnosis, registry: Registry) -> Section:
         detectable_table(found),
     )
     asked, silent = len(found.excitations), len(found.not_excited)
-    text = f"These runs excite {asked - silent} of the {asked} effects that were asked."
-    text += "" if found.indistinguishable else " Under them no two of these look alike."
+    text = f"These runs excite {asked - silent} of the {asked} candidate effects."
+    text += "" if found.indistinguishable else " They distinguish all of these from each other."
     tables = tuple(table for table in made if table is not None)
     return Section("What these runs could not show", tables=tables, text=(text,))
 
@@ -361,7 +361,9 @@ def _noise_text(found: Diagnosis, repeated: bool) -> list[str]:
     ]
     scatter = found.noise.between_run_scatter
     if not repeated:
-        text.append("No run has the same inputs as another, so that nobody knows whether the bench repeats.")
+        text.append(
+            "No run has the same inputs as another, so that the repeatability of the bench is unknown."
+        )
     elif scatter < 1.05:
         text.append(
             "Runs with the same inputs scatter no more than readings within a run: the bench repeats."

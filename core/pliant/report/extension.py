@@ -27,10 +27,10 @@ def extension_document(
     doubts = doubtful(found.uncertainty)
     n, k = found.after.n, len(found.fit.x)
     if n <= k:
-        few = f"{plural(n, 'reading')} for {plural(k, 'parameter')}: any model fits so few, and nothing tests this one."
-        doubts.append(few)
+        few = f"{plural(n, 'reading')} for {plural(k, 'parameter')}"
+        doubts.append(f"{few}: any model fits so few, and none are left to test this one.")
     if not found.fit.converged:
-        doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
+        doubts.append("the fit had not converged when it was stopped; check its error.")
     if not found.noise.judged:
         said = "without repeats or a stated sigma the floor holds fast noise only."
         doubts.append(Remark(said, Rank.FLOOR))

@@ -180,7 +180,7 @@ def states_table(data: ModuleData) -> Table:
         rows.append([spans[0], *counts, _span(data.actuation[chosen], p_unit), *spans[1:]])
     head = ["axis", "to fit", "check", "self-contact", "actuation", "u", "effort τ"]
     copies = int(np.sum(~solved_rows(data)))
-    note = "States in self-contact are marked: nothing holds the walls that overlap there."
+    note = "States in self-contact are marked: contact between the overlapping walls is not modelled there."
     if touching := int(np.sum(data.status == TOUCHING)):
         note += f" In {touching} states walls touch and hold each other, without friction."
     if passed := int(np.sum(data.status == PASSED)):
@@ -219,7 +219,7 @@ def sampling_table(data: ModuleData) -> Table:
         "process of all states and slopes, widened by its own misses. Reached: stated error and the last two misses "
         "are below the wanted one."
         if any("stated_error" in axis_record(data, axis) for axis in data.explored_axes())
-        else "States at fixed places: no error is stated; the law's errors on the check states tell."
+        else "States at fixed places: no error is stated; see the law's errors on the check states."
     )
     return Table("How the states were chosen", [*head, "±u alike"], rows, note, numeric=2)
 
@@ -244,8 +244,8 @@ def coupling_table(data: ModuleData) -> Table | None:
         "states of the whole module": str(found["n_states"]),
     }
     note = (
-        "Off-diagonal slopes ∂τᵢ/∂uⱼ by √(∂τᵢ/∂uᵢ ∂τⱼ/∂uⱼ): 0 for axes that do not know of each other. An energy makes "
-        "the slopes symmetric, so their asymmetry is the solver's error."
+        "Off-diagonal slopes ∂τᵢ/∂uⱼ by √(∂τᵢ/∂uᵢ ∂τⱼ/∂uⱼ): 0 for uncoupled axes. An energy makes the slopes "
+        "symmetric, so that their asymmetry is the solver's error."
     )
     return named_values("Coupling of the axes", values, note)
 

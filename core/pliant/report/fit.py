@@ -375,11 +375,12 @@ def bar_section(fitted: ReportedLaw, count: int = 0) -> Section | None:
     if not curves:
         return None
     caption = (
-        "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
-        "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
+        "Left: share of the states left out inside bands of each stated level; calibrated bars follow "
+        "the diagonal within the scatter of so few states (grey). Right: each state's miss against the half-width of "
+        "its own band."
     )
     shown = Picture(numbered("fit_bars", count), caption, coverage_chart(curves))
-    return section("Are the error bars honest?", shown, coverage_table(curves))
+    return section("Are the error bars calibrated?", shown, coverage_table(curves))
 
 
 def _learning(fitted: ReportedLaw, count: int = 0) -> Section | None:

@@ -107,7 +107,7 @@ def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> 
     head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
     note = (
         "Of the range of each axis' effort in its own states. 'All held': states that hold all axes at once, which "
-        "tell how well the law knows their coupling. Last row: also efforts of axes that a state lets follow freely."
+        "show how well the law describes their coupling. Last row: also efforts of axes that are free in a state."
     )
     return Table("Errors by axis", [*head, f"worst ({effort.symbol})"], rows, note)
 
@@ -320,7 +320,7 @@ def _coverage_panel(curves: Sequence[BandCoverage], what: str) -> Panel:
     n, stated = curves[0].n, np.linspace(0.4, 0.9999, 3000)
     low, high = (100 * count / n for count in scipy.stats.binom.interval(CHANCE, n, stated))
     diagonal = np.array([40.0, 100.0])
-    chance = f"where chance puts 90 % of honest bars ({n})"
+    chance = f"90 % region of calibrated bars ({n})"
     marks: list[Mark] = [
         Band(chance, 100 * stated, low, high, colour="#e7e9ed"),
         ChartLine("as stated", diagonal, diagonal, "", SOFT, 1.1),

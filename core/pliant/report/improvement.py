@@ -156,7 +156,7 @@ def causes(found: Improvement) -> str:
     if not unnamed:
         return ""
     known = f"Named as causes: {listed(named)}" if named else "Nothing is named as the cause"
-    return f"{known}; {listed(unnamed)} stand{'s' if len(unnamed) == 1 else ''} for what predicts as well."
+    return f"{known}; {listed(unnamed)} stand{'s' if len(unnamed) == 1 else ''} for all effects that predict as well."
 
 
 def origin(found: Improvement, cited: str) -> str:

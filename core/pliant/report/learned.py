@@ -64,10 +64,10 @@ def learned_section(found: LearnedTerm | None) -> Section | None:
     if found is None:
         return None
     caption = (
-        "Line and dots: the learned values; band: 90 %. Grey: beyond the data, where the term dies out."
+        "Line and dots: the learned values; band: 90 %. Grey: beyond the data, where the term falls to zero."
         if len(found.form.axes) == 1
         else "Left: the learned values; right: half the width of their 90 % band. Dashed: where the data end; beyond "
-        "it the term dies out."
+        "it the term falls to zero."
     )
     fall = (
         f"On {found.on} of the fit the error is {found.before:.2f} times the noise without it and {found.after:.2f} "

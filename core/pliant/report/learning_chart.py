@@ -85,7 +85,7 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
         "first, then the state farthest from those before it; with several axes each gets one in turn."
     )
     if untrusted := learning.get("untrusted"):
-        note += f" {untrusted} states that are not trusted (self-contact) take no part."
+        note += f" {untrusted} states that are not trusted (self-contact) are not used."
     impossible = sorted({p["n"] for p in learning["left_out"]})
     if impossible:
         note += f" Too few to fit: {', '.join(map(str, impossible))} ({learning['left_out'][0]['cause']})."

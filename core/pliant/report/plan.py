@@ -22,7 +22,7 @@ KIND = "Pliant: what to measure next"
 MOST_RANKED = 6
 ONE_LEFT = "One explanation is left: no further run is needed to decide."
 NO_LISTED = (
-    "No listed effect explains the error, so that no run can decide between them; 'pliant diagnose' tells what it "
+    "No listed effect explains the error, so that no run can decide between them; 'pliant diagnose' reports what it "
     "depends on."
 )
 NONE_SHOWS = "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."

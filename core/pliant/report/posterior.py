@@ -78,7 +78,7 @@ def posterior_words(found: Extension) -> list[str]:
     rough = "" if found.normal is not False else f"The bars are approximate: {_unlike(found)}."
     shares = found.exploration.shares if found.exploration is not None else {}
     alike = shares and len(found.posterior.names) > 1 and all(map(_alike, shares.values()))
-    equal = "The parameters are known apart: the doubt of the prediction comes from all of them alike."
+    equal = "The parameters are determined separately: all contribute equally to the uncertainty of the prediction."
     return [*unseen_words(found.posterior), *([rough] if rough else []), *([equal] if alike else [])]
 
 

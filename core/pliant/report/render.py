@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 
 MOST_NOTES = 5
-SETTLE_FIRST = "Something in the file looks wrong (first note): settle that first, then believe the rest."
+SETTLE_FIRST = (
+    "A value in the file is probably wrong (first note): correct it before you use the other results."
+)
 
 
 def terminal(document: Document, has_page: bool = False) -> Iterator[RichTable | str]:

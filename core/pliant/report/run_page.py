@@ -32,7 +32,7 @@ from pliant.report.scenes.robot import robot_scene
 from pliant.report.self_check import defaults_section
 from pliant.report.tip_spread import uncertainty_section
 
-RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
+RESIDUALS = "The errors of the law at these states are in the next section but one, with the law."
 
 
 def run_drawn(run: FinishedRun) -> Drawn:

@@ -67,8 +67,8 @@ def _recommended_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRu
     known = list(BUILDERS)
     require(
         names,
-        "it says by no run how to show it: declare recommended_experiments = (…), names of runs of the menu that show "
-        f"the effect and tell it from its look-alike ({', '.join(known)})",
+        "no run is named that shows it: declare recommended_experiments = (…), names of runs of the menu that show "
+        f"the effect and distinguish it from its look-alike ({', '.join(known)})",
     )
     for name in names:
         require(
@@ -174,6 +174,6 @@ def _told(subject: Subject, found: Diagnosis) -> str:
             + "These runs do not show it: name others in recommended_experiments, or widen the plausible range"
         )
     return (
-        seen
-        + "Name runs in recommended_experiments that tell it from these, or ask whether it is one of them in disguise"
+        seen + "Name runs in recommended_experiments that distinguish it from these, or check whether it is "
+        "equivalent to one of them"
     )

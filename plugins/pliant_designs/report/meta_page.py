@@ -54,7 +54,7 @@ def meta_drawn(fitted: Sequence[MetaFitted], study: Mapping[str, Any], manifests
         section("Free angle", picture("meta_free", free, free_chart(one))),
         section("Where in the space of designs it misses", where, next_table(one)),
         section(
-            "Are the error bars honest?",
+            "Are the error bars calibrated?",
             Picture("meta_bars", bars, design_bars_chart(one)),
             coverage_table(one),
         )

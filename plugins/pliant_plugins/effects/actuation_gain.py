@@ -40,7 +40,7 @@ class ActuationGain(Effect):
         inspection="hold a second gauge to the chamber at full pressure and measure the inside of one module: "
         "pressure times area is the drive.",
         confounder="stiffness",
-        distinguishing_test="a load without pressure: a gain is silent there, a stiffness is not.",
+        distinguishing_test="a load without pressure: a gain has no influence there, a stiffness has.",
         excitation="step the pressure through its whole range without load, then hang a load at zero pressure.",
         where="every family, pressures and tendon forces alike, and every engine.",
     )

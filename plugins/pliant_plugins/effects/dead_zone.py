@@ -43,7 +43,7 @@ class DeadZone(Effect):
         inspection="raise the pressure by hand from zero and note where the joint first moves; read the smallest "
         "pressure in the regulator's data sheet.",
         confounder="pressure_offset",
-        distinguishing_test="at zero pressure a dead zone is silent; an offset bends the joint there.",
+        distinguishing_test="at zero pressure a dead zone has no influence; an offset bends the joint there.",
         excitation="raise the pressure from zero in small steps through the lowest tenth of the range, and lower it "
         "again.",
         where="families that a pressure drives, every engine; it needs samples at the lowest pressures.",

@@ -106,7 +106,7 @@ class EndRestraint(Effect):
         chain = model.chain
         if chain.n_joints < 2:
             raise ImpossibleEffectError(
-                "effect 'end_restraint' tells the ends of a chain from its middle and needs two joints or more, and "
+                "effect 'end_restraint' acts on the ends of a chain and needs two joints or more, and "
                 "this chain has one",
                 "take it out of 'effects', or raise 'chain.modules'",
             )

@@ -56,7 +56,7 @@ class Leak(Effect):
         inspection="close the valve at full pressure, watch the gauge for a minute and brush soapy water "
         "over seams and fittings.",
         confounder="viscoelastic",
-        distinguishing_test="a material that relaxes goes on bending under a pressure that is held by the "
+        distinguishing_test="a material that relaxes continues to bend under a pressure that is held by the "
         "regulator; a leak shows only once the valve is closed, and always toward the straight joint.",
         excitation="fill the chamber, close the valve and record for a minute.",
         where="families that a pressure drives, every engine; recordings with the column valve_open.",

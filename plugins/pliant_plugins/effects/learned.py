@@ -106,15 +106,15 @@ class LearnedConfig(EffectConfig):
             known = KNOWN.get(self.acts_on)
             if known and one.name not in known:
                 raise ValueError(
-                    f"acts_on '{self.acts_on}' does not know '{one.name}'; it knows {', '.join(known)}"
+                    f"acts_on '{self.acts_on}' has no covariate '{one.name}'; it has {', '.join(known)}"
                 )
         if len(set(names)) < len(names) and any(a == b for a, b in pairwise(self.covariates)):
-            raise ValueError(f"covariate '{names[0]}' stands there twice")
+            raise ValueError(f"covariate '{names[0]}' is stated twice")
         lasting = [axis.name in KEPT for axis in self.axes() if axis.has_memory]
         if len(set(lasting)) > 1:
             raise ValueError(
-                f"{' and '.join(names)} do not go together: one goes on from run to run of a specimen, the other "
-                "begins anew with each"
+                f"{' and '.join(names)} cannot be combined: one continues from run to run of a specimen, the other "
+                "starts again with each run"
             )
         return self
 
@@ -137,8 +137,8 @@ class Learned(Effect):
     place = "law"  # of a curve that acts on a law: others act where `acts_on` says
     fitted = False
     notes = EffectNotes(
-        signature="nothing gives it away: it describes what is left when no listed effect explains the "
-        "error, in the circumstances that tell most of it.",
+        signature="none of its own: it describes the error that no listed effect explains, over the "
+        "covariates that explain most of it.",
         inspection="look for what changes with the covariate that it depends on, and at the place where it "
         "acts.",
         distinguishing_test="a listed effect that predicts as well is the better answer: it holds outside "

@@ -40,8 +40,8 @@ class SensorScale(Effect):
         inspection="set the joint to 0°, 45° and 90° with a square and read the sensor at each.",
         confounder="stiffness",
         distinguishing_test="a position or a second sensor: a scale moves no marker. By angles alone a scale "
-        "is a joint that is softer under load, pressure and weight at once; a gain of the actuation is "
-        "silent under a load.",
+        "is a joint that is softer under load, pressure and weight at once; a gain of the actuation has "
+        "no influence under a load.",
         excitation="film the tip beside the angle in one cycle of pressure, then hang a load on the vented "
         "chain.",
         where="every family of which angles are read; every engine, for it acts on readings only. A chain "

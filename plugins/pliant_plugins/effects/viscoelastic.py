@@ -52,13 +52,13 @@ class Viscoelastic(Effect):
 
     place = "law"
     notes = EffectNotes(
-        signature="the angle goes on creeping for seconds to minutes while the pressure is held, and comes "
+        signature="the angle continues to creep for seconds to minutes while the pressure is held, and comes "
         "back as slowly after venting; fast runs look stiffer than slow ones.",
         inspection="hold full pressure for five minutes with the camera on, and see whether the tip still "
         "creeps in the last one.",
         confounder="viscous_damping",
-        distinguishing_test="a dashpot has forgotten within a second of a hold; a relaxing branch still "
-        "drifts after many.",
+        distinguishing_test="a dashpot is at rest within a second of a hold; a relaxing branch still "
+        "drifts after many seconds.",
         excitation="raise the pressure quickly, hold it for several minutes, vent and keep recording.",
         where="silicone, foam and 3D-printed modules; recordings with a clock, in engines that follow "
         "histories: `quasistatic` and `mujoco`.",

@@ -52,7 +52,7 @@ def evidence(opened: OpenStudy, count: int, seed: int) -> Evidence:
     has_bars = any(law.states_error for law in nominal.laws)
     if count and kept is None and not has_bars:
         raise UserError(
-            f"worlds is {count}, and nothing says how sure the study is: it has no 'posterior' block (pliant extend "
+            f"worlds is {count}, and the study states no uncertainty: it has no 'posterior' block (pliant extend "
             "and improve write it), and its laws state no error (fitted laws do)."
         )
     varied = [study] * count

@@ -12,7 +12,8 @@ from pliant.records.shape import Shape, TriangleMesh
 
 THE_LAW = (
     " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation. "
-    "The law is in the JSON file beside it. SI units. "
+    "The law is in the JSON file beside it. SI units. PyBullet takes the inertias of this file with "
+    "flags=URDF_USE_INERTIA_FROM_FILE alone. "
 )
 WITHOUT_FORM = ("The law is in the JSON file beside it.", "It has no form that other languages can take.")
 

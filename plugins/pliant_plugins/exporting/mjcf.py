@@ -22,7 +22,6 @@ from pliant_plugins.physics.mujoco.mjcf import (
     JOINT_TYPES,
     add_base_inertia,
     add_chain,
-    document,
     placed,
     text,
 )
@@ -53,7 +52,9 @@ def write_mjcf(
     at_rest, surfaces = stiffness_at_rest(chain), SurfaceFiles(path)
     module = path.with_name(f"{identifier(path.stem)}_law.py")
     driving = module_text([DrivenArm(chain)], path.name) if has_form(chain.laws) else ""
-    root = document("chain")
+    root = Element(
+        "mujoco", model="chain"
+    )  # no compiler settings: an <include> would make them those of the whole
     root.insert(0, Comment(THE_LAW.format(rest=IN_MODULE.format(module=module.name) if driving else NOWHERE)))
     option = SubElement(root, "option", integrator="implicitfast", gravity=text(chain.gravity_m_s2))
     option.set("timestep", repr(TIMESTEP_S))

@@ -139,7 +139,7 @@ class Named(Material):
         if not name:
             low, high = (quantity(modulus * factor, "Pa", 2) for factor in SCATTER)
             return [
-                f"Shore {self.config.shore} tells a shear modulus of {quantity(modulus, 'Pa', 3)} only roughly: "
+                f"Shore {self.config.shore} determines a shear modulus of {quantity(modulus, 'Pa', 3)} only roughly: "
                 f"those of measured rubbers lie between {low} and {high} there."
             ]
         span = _range(table()[name])

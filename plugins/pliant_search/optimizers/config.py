@@ -53,7 +53,7 @@ class OptunaConfig(OptimizerConfig):
         default="tpe",
         description="tpe: densities of good and bad candidates; nsga2: evolution, for several objectives; gp: a "
         "Gaussian process, for some hundreds of candidates (needs torch); cmaes: Optuna's own CMA-ES (needs the "
-        "package cmaes); random; qmc: a Sobol sequence",
+        "package cmaes); random; qmc: a Sobol sequence. cmaes and qmc draw choices at random",
     )
     population: int | None = Field(
         default=None, ge=4, le=10_000, description="candidates of a generation of nsga2 (50) or cmaes"

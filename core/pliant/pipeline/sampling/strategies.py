@@ -74,7 +74,7 @@ def _stopped(walk: SamplingRun) -> NotReachedError:
     cause = str(walk.failed[-1]["cause"]).rstrip(".")
     return NotReachedError(
         f"the free branch stopped: {cause}. Lower the largest pressure or force under "
-        "'fem', or see whether the material is as stiff as it should be (a bare modulus is in Pa)."
+        "'fem', or check the stiffness of the material (a modulus without a unit is in Pa)."
     )
 
 

@@ -237,7 +237,7 @@ def global_names(problem: ModuleProblem) -> tuple[str, ...]:
         return (STRAIN,)
     strange = [axis for axis in problem.axes if axis not in AXES]
     if strange:
-        raise UserError(f"fem 'ngsolve' knows axes x, y and z, not '{strange[0]}'.")
+        raise UserError(f"fem 'ngsolve' supports the axes x, y and z, not '{strange[0]}'.")
     return (*problem.axes, *((STRAIN,) if problem.stretches else ()))
 
 

@@ -1,7 +1,7 @@
 """Compiled mechanics that engines share: laws as function pointers, efforts, statics of a chain, equilibria.
 
 numba's cache on disk looks only at the file of a function, not at the files of functions that it calls: when
-this room is imported, machine code that is older than any of its sources is thrown away.
+this package is imported, machine code that is older than any of its sources is deleted.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class MujocoScene(ArmsScene):
             raise UserError(
                 f"the motion of the scene became unbounded before {self._time_s:.4g} s ({bad}): shorten "
                 f"physics.contact_timestep_s ({self._config.contact_timestep_s:g} s), raise physics.joint_damping, "
-                "or look whether a law is used far outside its data"
+                "or check whether a law is used far outside its data"
             )
 
     def _is_near(self) -> bool:

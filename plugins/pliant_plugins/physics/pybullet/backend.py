@@ -133,7 +133,9 @@ class PublishedSimulation(BulletSimulation):
 
     def __init__(self, chain: ChainModel, config: PybulletConfig) -> None:
         if chain.terms:
-            raise UserError("physics.preset 'published' knows no effects: leave them out of 'effects'")
+            raise UserError(
+                "physics.preset 'published' does not support effects: leave them out of 'effects'"
+            )
         super().__init__(chain, config)
         self._braked_for_s = 0.0
 

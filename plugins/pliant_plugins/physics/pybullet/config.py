@@ -17,7 +17,8 @@ class PybulletConfig(PhysicsConfig):
     preset: Literal["pliant", "published"] = Field(
         "pliant",
         description="`published` steps a chain as the published study did (friction motors, naive torques, one law "
-        "call per joint and axis, fixed steps), as a baseline for benchmarks; scenes and `settle` know only `pliant`",
+        "call per joint and axis, fixed steps), as a baseline for benchmarks; scenes and `settle` support only "
+        "`pliant`",
     )
     timestep_s: Time = Field(
         1 / 2400,

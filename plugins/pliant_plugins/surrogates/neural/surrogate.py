@@ -1,4 +1,4 @@
-"""The neural surrogate: states in, the law of a small network with honest errors and their bar out."""
+"""The neural surrogate: a law of a small network from states, with errors on states left out and an error bar."""
 
 from __future__ import annotations
 

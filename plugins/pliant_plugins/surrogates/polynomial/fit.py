@@ -61,7 +61,8 @@ def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Can
     Of the sets of terms that the states determine by themselves, chosen is the one with the fewest terms whose
     error is within one standard error of the smallest. All terms of the largest degree, each held back by
     `posterior.prior_of`, take its place where their error is the smallest by a standard error, or, for states that
-    are spread and stand on no grid, not much larger: there folds leave out corners and say little of the inside.
+    are spread and stand on no grid, not much larger: there folds leave out corners and contain little information
+    on the inside.
     Where states know their energy and travel, the same terms fitted to those too compete with them.
     Both are chosen among the laws that are stable over the whole domain if one of them is about as good as the
     best: polynomials swing where a box has no data, while a module that really snaps through keeps its instability,

@@ -33,6 +33,7 @@ NEEDS = {
 }
 DEFAULT_POPULATION = 50  # Optuna's own, of NSGA-II
 UNCONSTRAINED = ("cmaes",)  # samplers without support of constraints
+WITHOUT_CHOICES = ("cmaes", "qmc")  # samplers of numbers alone
 Learned = tuple[int, tuple[float, ...] | None, float]  # number, objectives, violation
 
 
@@ -170,6 +171,19 @@ class Optuna(Optimizer):
         if self.config.sampler == "nsga2":
             return self.config.population or DEFAULT_POPULATION
         return self.config.population or 8
+
+    def space_remarks(self, space: Space) -> Sequence[str]:
+        """Return a sentence on choices that the sampler draws at random."""
+        choices = [v.name for v in space.variables if v.type == "categorical" and len(v.choices) > 1]
+        if not choices or self.config.sampler not in WITHOUT_CHOICES:
+            return ()
+        instead = (
+            "sampler: tpe" if self.config.sampler == "qmc" else "sampler: tpe, or optimizer: {kind: cmaes}"
+        )
+        return (
+            f"Optuna's sampler '{self.config.sampler}' learns no choices: {', '.join(choices)} "
+            f"{'is' if len(choices) == 1 else 'are'} drawn at random in every candidate. Use {instead}.",
+        )
 
     def start(self, space: Space, seed: int) -> None:
         """Begin at the guess, which is the first candidate.
