@@ -119,7 +119,7 @@ def _others(value: Any, annotation: Any) -> Iterator[Any]:
     if isinstance(value, bool):
         yield not value
     elif isinstance(value, int):
-        yield from (value + 1, value - 1, 1, 2, 3 * value + 5)
+        yield from (other for other in (value + 1, value - 1, 1, 2, 3 * value + 5) if other != value)
     elif isinstance(value, float):
         yield from (
             (value * 1.03, value / 1.03, value * 30.0, value / 30.0, 1e4 * value) if value else (0.03, 1e-3)
@@ -185,7 +185,7 @@ def simulated(study: Study, context: RunContext) -> tuple[Any, ...]:
     context = replace(context, progress=heard)
     try:
         designs = build_study_laws(context, study)
-        unused = unused_blocks(study, designs)
+        unused = unused_blocks(study, [stage.fem is not None for stage in designs])
         laws = [_law(stages.law.law) for stages in designs]
         looks = [seen_surface(context.build("family", s.design.family)) for s in designs if s.design.family]
         shapes = [repr([part.vertices_m.sum(axis=0) for part in look.parts]) for look in looks]

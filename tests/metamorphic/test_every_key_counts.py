@@ -43,6 +43,7 @@ OF_A_SEARCH = ("search", "optimizer")
 OF_A_RECORDING = ("law_error", "measurements", "protocols", "posterior")
 # Defaults that bound values which these studies do not reach, or belong to absent parts: no value changes anything.
 LIMITS = {
+    "position": "a grasp places its fingers; a base that is stated is named",
     "smallest_step": "the equilibrium is found in whole steps",
     "longest_step": "nothing moves in time",
     "outside_domain": "no joint leaves the data of its law",
