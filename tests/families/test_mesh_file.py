@@ -425,6 +425,8 @@ def test_wrong_studies_get_one_sentence(tmp_path: Path, box: ModuleMesh) -> None
         family(tmp_path / "box.step")
     with pytest.raises(UserError, match="each chamber's wall has its own name"):
         family(path, cavity=["cavity", "cavity"])
+    with pytest.raises(InvalidDesignError, match="leave line_across out"):
+        family(path, line_across="1 mm")
     with pytest.raises(UserError, match="cannot refine"):
         family(path).problem(refinement=2)
 

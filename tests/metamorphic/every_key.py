@@ -39,6 +39,7 @@ from pliant.pipeline.study import (
 )
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import RunContext
+from pliant.records.fem import FemState
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
 from pliant.testing.box import box_problem
@@ -119,7 +120,7 @@ def _others(value: Any, annotation: Any) -> Iterator[Any]:
     if isinstance(value, bool):
         yield not value
     elif isinstance(value, int):
-        yield from (value + 1, value - 1, 1, 2, 3 * value + 5)
+        yield from (other for other in (value + 1, value - 1, 1, 2, 3 * value + 5) if other != value)
     elif isinstance(value, float):
         yield from (
             (value * 1.03, value / 1.03, value * 30.0, value / 30.0, 1e4 * value) if value else (0.03, 1e-3)
@@ -185,7 +186,7 @@ def simulated(study: Study, context: RunContext) -> tuple[Any, ...]:
     context = replace(context, progress=heard)
     try:
         designs = build_study_laws(context, study)
-        unused = unused_blocks(study, designs)
+        unused = unused_blocks(study, [stage.fem is not None for stage in designs])
         laws = [_law(stages.law.law) for stages in designs]
         looks = [seen_surface(context.build("family", s.design.family)) for s in designs if s.design.family]
         shapes = [repr([part.vertices_m.sum(axis=0) for part in look.parts]) for look in looks]
@@ -273,6 +274,30 @@ def _designs(study: Study) -> list[Any]:
     return [swept[k].family for k in sorted({0, len(swept) // 2, len(swept) - 1})]
 
 
+class _SeveralInputs(Analytic):
+    """A potential that is driven by the weighted sum of several actuations."""
+
+    def __init__(self, count: int, *driven: Any) -> None:
+        super().__init__(*driven)
+        self.weights = 1.0 - 0.7 * np.arange(count)
+
+    def rest(self) -> FemState:
+        return self._spread(super().rest(), np.zeros_like(self.weights))
+
+    def free(self, actuation: Any, start: FemState) -> FemState:
+        levels = np.asarray(actuation, float)
+        return self._spread(super().free(float(self.weights @ levels), start), levels)
+
+    def constrained(self, actuation: Any, held: Any, start: FemState) -> FemState:
+        levels = np.asarray(actuation, float)
+        return self._spread(super().constrained(float(self.weights @ levels), held, start), levels)
+
+    def _spread(self, state: FemState, levels: np.ndarray) -> FemState:
+        """Return the state of the sum as a state of the actuations."""
+        by_level = np.outer(state.dtau_dp, self.weights)
+        return replace(state, actuation=levels, dtau_dp=by_level, travel=np.zeros(len(levels)))
+
+
 def _pieces(problems: Mapping[str, Any], limit: Any) -> list[Subproblem]:
     """Return the pieces with a potential in the place of a solver, stiffer about the axes that nothing drives."""
     pieces = []
@@ -284,7 +309,8 @@ def _pieces(problems: Mapping[str, Any], limit: Any) -> list[Subproblem]:
             for degree, stiffness in ((2, 0.5 + 0.1 * axis), (4, 0.2)):
                 functions = [power(degree) if k == axis else rest for k in range(count)]
                 terms.append((stiffness, (rest, *functions)))
-        solver = Analytic(Potential(*terms), one.axes, one.main_axis)
+        driven = (Potential(*terms), one.axes, one.main_axis)
+        solver = Analytic(*driven) if not isinstance(limit, Mapping) else _SeveralInputs(len(limit), *driven)
         pieces.append(build_piece(name, one, solver))
     return pieces
 

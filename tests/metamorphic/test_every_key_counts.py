@@ -43,6 +43,7 @@ OF_A_SEARCH = ("search", "optimizer")
 OF_A_RECORDING = ("law_error", "measurements", "protocols", "posterior")
 # Defaults that bound values which these studies do not reach, or belong to absent parts: no value changes anything.
 LIMITS = {
+    "position": "a grasp places its fingers; a base that is stated is named",
     "smallest_step": "the equilibrium is found in whole steps",
     "longest_step": "nothing moves in time",
     "outside_domain": "no joint leaves the data of its law",
@@ -58,6 +59,10 @@ LIMITS = {
     "max_halvings": "no step is halved",
     "restarts": "the budget ends before",
     "over_conditions": "there is one condition",
+    "extrapolate": "the design is inside the solved ones",
+    "weight": "no weights are added",
+    "seed": "nothing is drawn",
+    "angle_power": "a form of an effect at its neutral strength",
 }
 # MuJoCo's own numbers: of motion in time and of contacts; equilibria do not depend on them.
 OF_MOTION = ("timestep", "joint_damping", "drag_1", "tolerance", "settle_timestep", "max_settle_steps")
@@ -78,6 +83,7 @@ ELSEWHERE = {
     "measurements.max_samples": "more samples than any example has: tests/measurements",
     "measurements.trials": "success counts: tests/pliant_counts",
     "measurements.plausible": "success counts: tests/pliant_counts",
+    "fem.self_contact": "the stand-in of the solver has no walls: tests/fem/test_contact.py",
     "cross_check": "the same engines as in 'physics'",
     "pliant": "the format's number",
 }

@@ -6,7 +6,9 @@ import pytest
 from tests.exporting.test_mujoco_alone import FINGER
 
 from pliant import api
-from pliant.pipeline.remarks import unusual_numbers
+from pliant.pipeline.remarks import unused_blocks, unusual_numbers
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def said(folder: Path, text: str) -> list[str]:
@@ -44,3 +46,9 @@ def test_numbers_of_other_units_are_doubted(tmp_path: Path, written: str, meant:
     assert written in FINGER
     found = said(tmp_path, FINGER.replace(written, meant))
     assert len(found) == 1 and found[0].startswith(key) and found[0].endswith("Is its unit right?")
+
+
+@pytest.mark.parametrize(("stated", "named"), [([], False), (["chain.base={position: [0, 0, 0.1]}"], True)])
+def test_a_base_that_the_task_places_is_named_as_unused(stated, named):
+    study = api.open_study(EXAMPLES / "grasp/counts.yaml", stated).study
+    assert ("chain.base" in unused_blocks(study, [False])) is named

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,8 +20,12 @@ SceneEngine = Callable[[Scene], SceneSimulation]
 
 
 class TaskConfig(ComponentConfig):
-    """Base of a task's config: actuation and loads."""
+    """Base of a task's config: actuation and loads.
 
+    `places_base`: the task itself places the chain's base, so that `chain.base` has no effect.
+    """
+
+    places_base: ClassVar[bool] = False
     outside_domain: Literal["report", "error"] = Field(
         default="report",
         description="what a joint outside its law's data means: a line in the result, or an error",

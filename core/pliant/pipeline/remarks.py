@@ -58,6 +58,15 @@ def unused_blocks(study: Study, solved: Sequence[bool]) -> list[str]:
 
 
 def _overridden(study: Study) -> list[str]:
+    """Return the chain's keys that every segment or the task overrides."""
+    chain = study.chain
+    placed = (
+        chain is not None and "base" in chain.model_fields_set and getattr(study.task, "places_base", False)
+    )
+    return [*(["chain.base"] if placed else []), *_overridden_by_segments(study)]
+
+
+def _overridden_by_segments(study: Study) -> list[str]:
     """Return the chain's dimensions of modules that every segment overrides."""
     chain = study.chain
     owners = [] if chain is None else [one for one in chain.segments if one.rigid is None]

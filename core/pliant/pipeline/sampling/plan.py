@@ -102,8 +102,21 @@ def sample(
         bar.expect(len(saved))
     finally:
         bar.finish()
+    for note in walk.notes:
+        progress.note(note)
     mirrored = [axis for axis, one in summary["axes"].items() if one.get("symmetric")]
     return Sampling(tuple(walk.solved), tuple(walk.failed), tuple(mirrored), summary)
+
+
+def _within(closed: tuple[float, float], box: tuple[float, float], walk: SamplingRun) -> tuple[float, float]:
+    """Return the part of a box of angles in which rigid parts do not touch; a note names the keys that it overrides."""
+    low, high = max(box[0], closed[0]), min(box[1], closed[1])
+    if (low, high) != box:
+        walk.notes.append(
+            f"fem.angle_low and fem.angle_high ask for {box[0]:.3g} to {box[1]:.3g} rad; the data end at {low:.3g} and "
+            f"{high:.3g} rad, where rigid parts of the module touch."
+        )
+    return low, high
 
 
 @dataclass(frozen=True)
@@ -181,8 +194,7 @@ class _Plan:
             free_adaptive(walk, limit, axis)
             low, high = angle_range(walk, config)
             if walk.passing:  # the box ends at rigid parts, not at overlaps
-                closed = self.pieces[MAIN].contact_range
-                low, high = max(low, closed[0]), min(high, closed[1])
+                low, high = _within(self.pieces[MAIN].contact_range, (low, high), walk)
             low, high = trusted_box(walk, axis, limit, low, high)
             where = Box(axis, MAIN, (0.0, limit), (low, high))
             walk.reach_new(where.corners())

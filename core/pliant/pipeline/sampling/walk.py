@@ -175,7 +175,7 @@ class Subproblem:
 
 @dataclass
 class SamplingRun:
-    """Solved states so far; states are kept by `saved` and counted by `bar`."""
+    """Solved states so far; states are kept by `saved` and counted by `bar`; `notes` are sentences for the user."""
 
     pieces: Mapping[str, Subproblem]
     saved: StateCache
@@ -185,6 +185,7 @@ class SamplingRun:
     stops: list[StateTarget] = field(default_factory=list)
     passing: bool = False  # whether overlaps are allowed
     inputs: int = 1  # number of actuations
+    notes: list[str] = field(default_factory=list)
 
     def piece_states(self, piece: str) -> list[Sampled]:
         """Return the solved states of one piece."""

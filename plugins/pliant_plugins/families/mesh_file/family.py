@@ -93,6 +93,11 @@ class MeshFile(ActuatorFamily):
             raise InvalidDesignError(
                 f"family.cavity names {list(config.cavities)}; each chamber's wall has its own name."
             )
+        if config.symmetry is not None and config.line_across_m:
+            raise InvalidDesignError(
+                f"family.line_across is {config.line_across_m:g} m, and with 'symmetry' the line lies in that plane; "
+                "leave line_across out."
+            )
         rotation(config.along, config.up)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -81,6 +81,7 @@ class GraspConfig(ActuatedConfig):
     actuated within 1 s, lifted for 2 s, 6 s in all.
     """
 
+    places_base: ClassVar[bool] = True
     kind: Literal["grasp"] = "grasp"
     object: Annotated[ObjectConfig, BeforeValidator(_named)] = Field(
         description="egg, cylinder, or {mesh: part.stl, scale: 0.001, mass: 30 g}"
