@@ -79,7 +79,7 @@ def pliant_blocks() -> Iterable[Block]:
         Block("cross_check", interface="physics", many=True),
         Block("task", interface="task", paths=("mesh", "points", "path", "backbone", "file")),
         Block("effects", interface="effect", many=True),
-        Block("posterior", "pliant.config.posterior:PosteriorConfig", fixed="it is how sure a fit was"),
+        Block("posterior", "pliant.config.posterior:PosteriorConfig", fixed="it is the uncertainty of a fit"),
         Block(
             "measurements",
             "pliant.config.measurements:MeasurementsConfig",

@@ -81,7 +81,7 @@ def main() -> None:
     arrow(ax, (3.6 + side, 1), (7.2 - side, 1), "yes", (5.4, 1.2))
     arrow(ax, (7.2 + side, 1), (10.8 - side, 1), "this one", (9.0, 1.2))
     arrow(ax, (10.8, 1 + top), (3.6, 1 + top), "compare the new study", (7.2, 2.5), bend=0.2)
-    arrow(ax, (6.5, 1 - top), (4.4, -1.35 + top), "these data\ncannot tell", (5.45, -0.15))
+    arrow(ax, (6.5, 1 - top), (4.4, -1.35 + top), "these data\ndo not decide", (5.45, -0.15))
     arrow(ax, (7.2, 1 - top), (7.2, -1.35 + top), "none", (7.6, -0.15))
     arrow(ax, (3.6 - side, -1.35), (0, 1 - top), "its file for the bench", (0.75, -0.75), bend=-0.25)
     ax.text(10.8, -1.35, "improve walks compare, diagnose\nand extend by itself, and scores\non runs that it held out",

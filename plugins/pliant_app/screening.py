@@ -52,16 +52,16 @@ def screened(model: OpenModel, effects: Effects) -> dict[str, Any]:
     nothing = fitter.fit(EffectSet.from_kinds(registry, NOTHING))
     shown = excitations(registry, fitter, nothing, kinds)
     noise = noise_view(short, readings.unpack(nothing.residual), readings.scales, model.ground.groups)
-    silent = set(not_excited(shown, THRESHOLDS))
+    unexcited = set(not_excited(shown, THRESHOLDS))
     pairs = confounded_with(
-        {kind: one for kind, one in shown.items() if kind not in silent}, {}, noise.n_effective
+        {kind: one for kind, one in shown.items() if kind not in unexcited}, {}, noise.n_effective
     )
-    groups = connected([kind for kind in kinds if kind not in silent], pairs)
+    groups = connected([kind for kind in kinds if kind not in unexcited], pairs)
     return {
         "kinds": {
             kind: {
-                "explains": 0.0 if kind in silent else _share(nothing.residual, shown[kind]),
-                "shown": kind not in silent,
+                "explains": 0.0 if kind in unexcited else _share(nothing.residual, shown[kind]),
+                "shown": kind not in unexcited,
                 "excited_by": registry.get("effect", kind).implementation_class().notes.excitation,
                 "alike": next((list(group) for group in groups if kind in group and len(group) > 1), []),
             }

@@ -66,7 +66,7 @@ def comparison_answers(found: CountComparison) -> Answers:
             "parameter)."
         )
     else:
-        after = "Nothing to explain here; more trials, simulated and counted, would show smaller differences."
+        after = "No unexplained error; more trials, simulated and counted, would show smaller differences."
     return answers(good(found), missing, sure, after)
 
 

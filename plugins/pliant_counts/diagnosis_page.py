@@ -146,12 +146,12 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
         "minutes": None,
     }
     smallest = [(found.rows[kinds].parameters[0], level) for kinds, level in judged.smallest.items()]
-    silent = [found.rows[kinds].parameters[0] for kinds in judged.not_excited]
+    unexcited = [found.rows[kinds].parameters[0] for kinds in judged.not_excited]
     excitation = {
         one.name: registry.get("effect", one.kind).implementation_class().notes.excitation
         if one.model
         else ""
-        for one in silent
+        for one in unexcited
     }
     return {
         **verdict_json(judged),

@@ -40,7 +40,7 @@ def test_a_wrong_task(pliant, write, workplace, stated, change, says):
 @pytest.mark.parametrize(
     ("joint", "z", "says"),
     [
-        ("joint: prismatic", "", "'joint' stands beside 'axes': a joint with axes is spherical"),
+        ("joint: prismatic", "", "'joint' is given together with 'axes': a joint with axes is spherical"),
         ("", "actuation_name: tendon_force_n", "surrogate.axes: one joint has one actuation"),
     ],
 )

@@ -77,7 +77,7 @@ def test_a_diagnosis_says_which_run_splits_its_class() -> None:
     (written,) = (entry for entry in diagnosis_json(found)["classes"] if "stiffness" in entry["kinds"])
     assert written["run"] == one.run and written["words"] and written["minutes"] > 0.0
     assert sorted(kind for part in written["parts"] for kind in part) == list(written["kinds"])
-    (sentence,) = (line for line in why(found, REGISTRY) if "cannot tell" in line)
+    (sentence,) = (line for line in why(found, REGISTRY) if "do not distinguish" in line)
     assert "stiffness" in sentence and f"'{one.run}'" in sentence
 
 
@@ -106,7 +106,7 @@ def test_the_fewest_runs_tell_what_the_whole_menu_tells(designed) -> None:
     assert list(found.parts) == sorted(set(found.parts))  # every run separates something
     assert len(found.chosen) < len(runs)
     assert "warm" in {runs[k].name for k in found.chosen}  # no other effect softens with temperature
-    assert not found.silent
+    assert not found.not_excited
     assert found.snr["thermal_softening"][[run.name for run in runs].index("slow_cycles")] == pytest.approx(
         0.0, abs=1e-9
     )
@@ -118,7 +118,7 @@ def test_a_design_keeps_to_its_minutes(designed) -> None:
     found = design_runs(predictor, runs, kinds, most_runs=2, minutes=9.0)
     assert 0 < len(found.chosen) <= 2
     assert found.minutes <= 9.0
-    assert "thermal_softening" in found.silent
+    assert "thermal_softening" in found.not_excited
 
 
 def test_runs_without_a_load_leave_stiffness_and_gain_together(designed) -> None:

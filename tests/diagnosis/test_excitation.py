@@ -1,4 +1,4 @@
-"""The information in runs: silent effects, look-alikes, detectable strengths, the next run."""
+"""The information in runs: effects that are not excited, look-alikes, detectable strengths, the next run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def shown(histories, chain=CHAIN, kinds=SOME):
 
 
 @pytest.mark.slow
-def test_without_temperatures_thermal_softening_is_silent_and_its_run_is_named() -> None:
+def test_without_temperatures_thermal_softening_is_not_excited_and_its_run_is_named() -> None:
     assert not_excited(shown(poor()), THRESHOLDS) == ("thermal_softening",)
     assert not_excited(shown(rich()), THRESHOLDS) == ()
     found = diagnose(make_predictor(CHAIN, measured(CHAIN, poor())), kinds=SOME)

@@ -152,7 +152,7 @@ def test_locked_readings_decide_nothing(creeping):
 def test_too_few_runs_to_lock_are_said(tmp_path):
     found = improved(tmp_path, effect("stiffness", factor=1.3), runs=histories(1)[:2])
     assert found.locked.runs == ()
-    assert any("not of runs that nothing has seen" in remark for remark in found.remarks)
+    assert any("rather than of runs not used in any fit" in remark for remark in found.remarks)
     assert np.isfinite(found.steps[0].locked.over_floor)
 
 

@@ -5,7 +5,7 @@ import pytest
 from tests.diagnosis.formula import candidate, fitter, measured, parameter
 
 from pliant.diagnosis.blind import unidentifiable_directions
-from pliant.diagnosis.exploration import WIDER, explore, leaning
+from pliant.diagnosis.exploration import WIDER, asymmetric_parameter, explore
 from pliant.diagnosis.posterior import laplace_posterior
 from pliant.diagnosis.uncertainty import square_per_reading, uncertainty
 
@@ -76,7 +76,7 @@ def test_where_only_the_product_matters_the_product_is_named():
 
 def test_a_parameter_that_nothing_depends_on_is_said_to_be_unseen():
     (one,) = unidentifiable_directions(fitted(lambda t, a, b: a + 0.0 * b * t, 1.0, 0.0)[2])
-    assert one.parameters == ("formula.b",) and "hardly see formula.b" in one.words
+    assert one.parameters == ("formula.b",) and "little information on formula.b" in one.words
     assert unidentifiable_directions(fitted(line, 1.5, -0.2)[2]) == ()
 
 
@@ -85,7 +85,7 @@ def test_parameters_that_are_seen_but_hardly_apart_are_told():
         fitted(lambda t, a, b: a * t + b * (t + 0.2 * np.sin(t)), 0.5, 0.2, sigma=0.05)[2]
     )
     (one,) = found
-    assert "hardly known apart" in one.words and one.seen > 1.0
+    assert "hardly be determined separately" in one.words and one.seen > 1.0
     assert one.move[0] * one.move[1] < 0.0
 
 
@@ -111,7 +111,7 @@ def test_the_check_finds_a_linear_model_normal():
     assert found.factor == pytest.approx(1.0, abs=0.1)
     share = (np.sqrt(2 * WIDER**2 - 1) / WIDER**2) ** 2  # of wider normal draws, for each parameter
     assert found.worth == pytest.approx(share * len(found.x), rel=0.1)
-    assert leaning(posterior, uncertainty(work, fit, N)) is None
+    assert asymmetric_parameter(posterior, uncertainty(work, fit, N)) is None
     expected = np.sqrt(np.einsum("na,ab,nb->n", fit.slopes, posterior.covariance, fit.slopes).mean())
     assert found.spread["angle_rad"] == pytest.approx(expected, rel=0.1)
 
@@ -120,7 +120,7 @@ def test_a_bent_posterior_is_found_out():
     bent = candidate(parameter("a", bounds=(0.0, 100.0), plausible=(0.0, 10.0)), parameter("b"))
     work, fit, posterior, scale = fitted(lambda t, a, b: 0.5 * np.sqrt(a) + 0.02 * b * t, 0.3, 0.0, bent)
     assert not explore(work, posterior, scale).good
-    side = leaning(posterior, uncertainty(work, fit, N))
+    side = asymmetric_parameter(posterior, uncertainty(work, fit, N))
     assert side.name == "formula.a" and (side.ratio > 1.0) == side.upwards  # a long way up, a short way down
 
 

@@ -45,14 +45,14 @@ def left(residual: np.ndarray, kinds: tuple[str, ...]) -> float:
 def test_sets_come_in_the_order_by_what_they_leave(size: int) -> None:
     residual = SHAPES["b"] - 0.7 * SHAPES["e"] + 0.4 * SHAPES["f"] + 0.3 * RNG.standard_normal(N)
     every = sorted(combinations(KINDS, size), key=lambda kinds: left(residual, kinds))
-    assert make_directions(residual).promising(residual, size, 5) == every[:5]
+    assert make_directions(residual).highest_ranked(residual, size, 5) == every[:5]
 
 
 def test_beside_a_base_that_may_follow_the_missing_effect_comes_first() -> None:
     residual = SHAPES["b"] - 0.3 * SHAPES["e"]
     directions, slopes = make_directions(residual), SHAPES["b"][:, None]
     assert directions.next_to(residual - SHAPES["b"], slopes, ("b",), 1) == ["e"]
-    # a direction that the base can follow promises no gain
+    # a direction that the base can follow has no expected gain
     followed = directions.next_to(SHAPES["b"] + 1e-3 * SHAPES["c"], slopes, (), len(KINDS))
     assert followed[0] == "c" and followed[-1] == "b"
 
@@ -63,7 +63,7 @@ def test_directions_without_equilibrium_at_many_readings_are_left_out() -> None:
     owners = [KINDS[number] for number in directions.owner]
     assert owners.count("a") == owners.count("c") - 1
     assert int((~directions.there).sum()) == 2
-    assert directions.promising(residual, 2, 1) == [("b", "e")]
+    assert directions.highest_ranked(residual, 2, 1) == [("b", "e")]
 
 
 FOUR = ["actuation_gain", "mullins", "sensor_bias", "stiffness"]

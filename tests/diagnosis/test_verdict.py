@@ -79,10 +79,10 @@ def test_unknown_is_for_errors_that_nothing_explains() -> None:
     assert next(iter(weighed(table({(): 50.0, ("a",): 45.0}, n=300)))) == UNKNOWN
     assert odds(table({(): 50.0, ("a",): 1.0}, n=300), ("a",), UNKNOWN) > 20
     explained = 10.0  # its remainder under exact equations is no proof
-    for left, believed in ((0.05, True), (0.3, False)):
+    for left, accepted in ((0.05, True), (0.3, False)):
         single = 1.0 + left * explained
         t = table({(): single + explained, ("a",): single}, n=400.0)
-        assert bool(odds(t, ("a",), UNKNOWN) > 0) is believed
+        assert bool(odds(t, ("a",), UNKNOWN) > 0) is accepted
 
 
 @pytest.mark.parametrize(("left", "first"), [(2.5, ("a",)), (4.0, UNKNOWN)])
@@ -145,7 +145,7 @@ def test_with_few_readings_a_rival_keeps_what_they_tell() -> None:
 def test_what_differs_in_one_effect_is_a_class_and_says_what_stands_beside_it() -> None:
     alone = judge(table({(): 9.0, ("a",): 1.0, ("b",): 1.01, ("c",): 5.0}), THRESHOLDS, 3)
     assert (alone.verdict, alone.selected_class, alone.beside) == ("ambiguous", ("a", "b"), ())
-    assert alone.sentence.startswith("Missing: a or b; these data cannot tell which")
+    assert alone.sentence.startswith("Missing: a or b; these data do not determine which")
     singles = {(): 40.0, ("a",): 20.0, ("b",): 25.0, ("c",): 25.0}
     pairs = judge(table({**singles, ("a", "b"): 1.0, ("a", "c"): 1.02}), THRESHOLDS, 3)
     assert (set(pairs.selected_class), pairs.beside) == ({"b", "c"}, ("a",))
@@ -155,7 +155,7 @@ def test_what_differs_in_one_effect_is_a_class_and_says_what_stands_beside_it() 
 
 def test_a_form_that_is_not_quite_ours_is_said() -> None:
     found = judge(table({(): 60.0, ("a",): 1.8}, n=400.0), THRESHOLDS, 1)
-    assert found.selected == ("a",) and "form is not exactly ours" in found.reasons[0]
+    assert found.selected == ("a",) and "form differs from the catalogue's" in found.reasons[0]
     assert judge(table({(): 60.0, ("a",): 1.0}, n=400.0), THRESHOLDS, 1).reasons == ()
 
 
@@ -231,17 +231,17 @@ UNKNOWN_LEFT = {(): 1.12, ("a",): 1.11}
             "Missing: a. The error without it is small: 1.12 ± 0.04 times the noise (at most 11 % of the error to "
             "gain).",
         ),
-        (TWINS, 200.0, "ambiguous", "Missing: a or b; these data cannot tell which."),
+        (TWINS, 200.0, "ambiguous", "Missing: a or b; these data do not determine which."),
         (
             {(): 400.0, ("a",): 9.0, ("b",): 9.1},
             200.0,
             "ambiguous",
-            "3.01 ± 0.15 times the noise is left: none of these is the whole story. These data do not decide: an "
-            "effect outside the list or a or b.",
+            "3.01 ± 0.15 times the noise is left: none of these explains all of the error. These data do not decide: "
+            "an effect outside the list or a or b.",
         ),
-        (CLEAN, 200.0, "nothing_missing", "Nothing is missing that these data could show."),
+        (CLEAN, 200.0, "nothing_missing", "These data show no missing effect."),
         # 1.21 times the noise, but from few readings: not distinguished from it
-        ({(): 1.45, ("a",): 1.45}, 60.0, "nothing_missing", "Nothing is missing that these data could show."),
+        ({(): 1.45, ("a",): 1.45}, 60.0, "nothing_missing", "These data show no missing effect."),
         (
             {(): 2.0, ("a",): 2.0},
             60.0,
@@ -269,7 +269,7 @@ def test_the_sentence_on_a_verdict_is_about_the_error_size(squares, n, verdict, 
         (1.04, 0.06, True, "small: 1.04 ± 0.06 times the noise (at most 4 % of the error to gain)"),
         (1.149, 0.0, True, "small: 1.15 ± 0.00 times the noise (at most 13 % of the error to gain)"),
         (CLEARLY_ABOVE, 0.0, False, ""),
-        (1.3, 0.16, True, "not told from the noise: 1.30 ± 0.16 times it"),
+        (1.3, 0.16, True, "not distinguishable from the noise: 1.30 ± 0.16 times it"),
         (1.3, 0.14, False, ""),
         (0.97, 0.05, True, "small: 0.97 ± 0.05 times the noise (nothing to gain)"),
         (2.4, np.nan, False, ""),

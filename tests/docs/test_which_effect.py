@@ -55,7 +55,7 @@ def test_the_verdicts_and_thresholds_equal_the_code():
         f"the prior probability {100 * EXACT:g} %",
         f"the median {100 * USUAL.median:g} %",
         f"the maximum is {100 * USUAL.most:g} %",
-        f"at least {100 * THRESHOLDS.believed:g} %",
+        f"at least {100 * THRESHOLDS.accepted:g} %",
         f"more than {THRESHOLDS.between_run_scatter:g} times as much",
         f"fewer than {THRESHOLDS.fewest:g} independent",
         f"cannot imitate) < {SEPARABLE:g},",

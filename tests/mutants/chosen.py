@@ -25,7 +25,7 @@ CHOSEN: tuple[Mutant, ...] = (
     _at("fem", KERNEL, "(twice / 9 - 2 / 3 * m)", "(twice / 9 - m)"),
     # Thresholds and prices of the diagnosis.
     _at("diagnosis", EVIDENCE, "effect: float = 2.1", "effect: float = 0.0"),
-    _at("diagnosis", EVIDENCE, "believed: float = 0.9", "believed: float = 0.5"),
+    _at("diagnosis", EVIDENCE, "accepted: float = 0.9", "accepted: float = 0.5"),
     _at("diagnosis", EVIDENCE, "between_run_scatter: float = 1.5", "between_run_scatter: float = 15.0"),
     _at("diagnosis", EVIDENCE, "0.5 * row.n_parameters * np.log(n)", "row.n_parameters * np.log(n)"),
     # Mechanics: signs and factors.

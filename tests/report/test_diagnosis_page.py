@@ -105,18 +105,20 @@ def ambiguous():
 HEADLINES = {
     "missing_effect": "Missing: viscoelastic.",
     "ambiguous": "These data do not decide",
-    "nothing_missing": "Nothing is missing",
+    "nothing_missing": "no missing effect",
     "law_off": "No effect is missing; the joint law is off by",
     "unknown_effect": "it is not in the list",
     "not_repeatable": "does not repeat",
-    "insufficient_data": "cannot tell",
+    "insufficient_data": "not sufficient for a verdict",
 }
 
 
 def test_every_verdict_has_a_whole_page(case):
     _, found, page = case
     (headline,) = re.findall(r"<h1>(.*?)</h1>", page.html)
-    assert ("cannot tell which" if found.judgement.selected_class else HEADLINES[found.verdict]) in headline
+    assert (
+        "do not determine which" if found.judgement.selected_class else HEADLINES[found.verdict]
+    ) in headline
     (sentence,) = re.findall(r'<p class="result">(.*?)</p>', page.html, re.DOTALL)
     assert sentence.strip().endswith(".")
     assert {"hypotheses", "changes_1"} <= set(page.pictures)
@@ -317,4 +319,4 @@ def test_a_class_names_its_run_where_no_other_is_proposed():
     )
     assert "the run 'blocked' would" in class_words(one)
     assert "the run 'blocked' would" in class_words(one, (), "blocked")
-    assert class_words(one, (), "load_steps").endswith("cannot tell backlash and stiffness apart.")
+    assert class_words(one, (), "load_steps").endswith("do not distinguish backlash and stiffness.")

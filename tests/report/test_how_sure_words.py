@@ -29,7 +29,7 @@ def test_a_band_as_wide_as_the_misfit_says_so() -> None:
     assert bands_words(band, measured, "all runs") == bands_words(band, measured, "all runs", 1.1)
     wide = bands_words(band, measured, "all runs", 4.6)
     assert "4.6 times the noise" in wide
-    assert "says nothing for the model" in wide
+    assert "is no evidence for the model" in wide
 
 
 def _improved(left: float, share: float, sd: float) -> Any:
@@ -47,6 +47,6 @@ def test_what_is_left_and_what_cannot_be_is_said_behind_the_effects(left, share,
     said = doubts(_improved(left, share, sd))
     assert len(said) == count
     if left > 4:
-        assert said[0] == "4.6 times the noise is left: none of these is the whole story."
+        assert said[0] == "4.6 times the noise is left: none of these explains all of the error."
     if share > 1:
         assert "outside its plausible range" in said[1]

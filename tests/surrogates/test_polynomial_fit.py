@@ -307,7 +307,7 @@ LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.02
         ({"form": "study", "coefficients": {"k_n": 1e-6}}, "coefficients.m_a"),
         ({"axes": {"y": {}}}, "axes.x"),
         ({"axes": {"x": {}, "y": {}, "z": {}, "w": {}}}, "axes.w"),
-        ({"axes": {"x": {}, "y": {}, "z": {}}, "data": "y.csv"}, "'data' stands beside 'axes'"),
+        ({"axes": {"x": {}, "y": {}, "z": {}}, "data": "y.csv"}, "'data' is given together with 'axes'"),
         ({"axes": {"x": {"coefficients": LAW}, "y": {}, "z": {}}}, "axes.x"),
         ({"joint": "prismatic"}, "prismatic"),
         (

@@ -96,7 +96,7 @@ def diagnose(
     workers: Fitters = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Diagnose which physical effect is missing, how sure that is, and what to measure next."""
+    """Diagnose which physical effect is missing, with its probability, and what to measure next."""
     loaded = here.study(study, overrides)
     here.leave_out_broken_effects()
     opened = api.OpenStudy(loaded, here.context())

@@ -47,11 +47,11 @@ def unidentifiable_directions(posterior: Posterior) -> tuple[BlindDirection, ...
             parts = [int(k) for k in np.flatnonzero(size >= PART * size.max())]
             move = direction * posterior.rates / np.sqrt(1.0 + max(seen, 0.0))
             found.append(_direction(posterior, parts, move, float(max(seen, 0.0))))
-    told = [set(one.parameters) for one in found]
+    stated = [set(one.parameters) for one in found]
     names, sd, correlation = posterior.names, posterior.sd, posterior.correlation
     for a, b in combinations(range(len(names)), 2):
         r = float(correlation[a, b])
-        if abs(r) >= ENTANGLED and not any({names[a], names[b]} <= one for one in told):
+        if abs(r) >= ENTANGLED and not any({names[a], names[b]} <= one for one in stated):
             move = np.zeros(len(names))
             move[a], move[b] = sd[a], np.sign(r) * sd[b]
             found.append(_entangled(posterior, (a, b), move, r))
@@ -62,8 +62,8 @@ def _direction(posterior: Posterior, parts: list[int], move: Array, seen: float)
     names = tuple(posterior.names[k] for k in parts)
     if len(parts) == 1:
         words = (
-            f"The data hardly see {names[0]}: what is said of it is what was plausible before they came "
-            f"({whole_percent(seen / (1.0 + seen))} is theirs)."
+            f"The data contain little information on {names[0]}: its estimate is mainly its prior "
+            f"({whole_percent(seen / (1.0 + seen))} of the information is from the data)."
         )
     else:
         known = _combination(posterior, parts, move)
@@ -81,8 +81,8 @@ def _entangled(posterior: Posterior, pair: tuple[int, int], move: Array, r: floa
     what = f"their {known} is" if known else "they are"
     sure = "" if known else " together"
     words = (
-        f"{names[0]} and {names[1]} are hardly known apart (correlation {r:.2f}): {what} known better{sure}; "
-        f"{_moves(posterior, list(pair), move)} reads nearly the same."
+        f"{names[0]} and {names[1]} can hardly be determined separately (correlation {r:.2f}): "
+        f"{what} known better{sure}; {_moves(posterior, list(pair), move)} reads nearly the same."
     )
     spread = move / np.where(posterior.rates == 0.0, 1.0, posterior.rates)
     unit = spread / np.linalg.norm(spread)

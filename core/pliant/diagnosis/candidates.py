@@ -36,7 +36,7 @@ def candidate_kinds(registry: Registry, kinds: Sequence[str] | None = None) -> l
     for kind in kinds:
         if not _fitted(registry, kind):
             raise UserError(
-                f"effect '{kind}' has no number that is fitted by itself, so it is no candidate; "
+                f"effect '{kind}' has no number that can be fitted alone, so that it is no candidate; "
                 + ("'pliant improve --learned' learns one." if kind == "learned" else "name others.")
             )
     return list(dict.fromkeys(kinds))
@@ -212,7 +212,7 @@ def _config(model: type[EffectConfig], kind: str, given: dict[str, float]) -> Ef
         field = ".".join(map(str, first["loc"]))
         raise UserError(
             f"The parameters of effect '{kind}' and the fields of its config disagree ({field}: {first['msg']}); "
-            f"'pliant check effect {kind}' tells what is asked of them."
+            f"'pliant check effect {kind}' lists the requirements."
         ) from None
 
 

@@ -263,7 +263,7 @@ class RunDesign:
         chosen: indices of the runs that distinguish most effects, in the order in which they were chosen.
         parts: number of groups of the shown effects after each of them, the first entry before any.
         together: classes of effects that the chosen runs do not distinguish.
-        silent: effects that none of the chosen runs shows.
+        not_excited: effects that none of the chosen runs shows.
         not_tried: effects that are not applicable to this chain, with the reason.
     """
 
@@ -272,7 +272,7 @@ class RunDesign:
     chosen: tuple[int, ...]
     parts: tuple[int, ...]
     together: tuple[Kinds, ...]
-    silent: tuple[str, ...]
+    not_excited: tuple[str, ...]
     not_tried: Mapping[str, str]
 
     @property
@@ -315,8 +315,8 @@ def design_runs(
     chosen, parts = _fewest(view, overlaps, snr, most_runs, minutes)
     shown = shown_by(snr, chosen)
     together = tuple(part for part in overlaps.parts(shown, chosen) if len(part) > 1) if chosen else ()
-    silent = tuple(kind for kind in found if kind not in shown)
-    return RunDesign(tuple(runs), snr, chosen, parts, together, silent, left_out)
+    not_excited = tuple(kind for kind in found if kind not in shown)
+    return RunDesign(tuple(runs), snr, chosen, parts, together, not_excited, left_out)
 
 
 def shown_by(snr: Mapping[str, Sequence[float]], chosen: Sequence[int]) -> list[str]:

@@ -206,18 +206,18 @@ def diagnose(
         )
         search.tick = tick or search.tick
         table = search.run(chosen)
-    silent = not_excited(shown, thresholds)
+    unexcited = not_excited(shown, thresholds)
     not_tried: list[str] = [
         Remark(f"'{kind}' was left out: {reason}", Rank.DETAIL, kind) for kind, reason in left_out.items()
     ]
     not_tried += [
         f"'{kind}' could not be judged: with it the model finds no equilibrium at any start of its fit; "
-        f"'pliant check effect {kind}' may tell why."
+        f"'pliant check effect {kind}' may show the cause."
         for kind in chosen
         if not np.all(np.isfinite(search.fits[(kind,)].residual))
     ]
     bare = law_off(predictor, measurement, readings, fitter.law, search.fits[NOTHING], table.noise)
-    judgement = judge(table, thresholds, len(chosen) - len(silent), f" {bare.words}" if bare else "")
+    judgement = judge(table, thresholds, len(chosen) - len(unexcited), f" {bare.words}" if bare else "")
     explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
     off = None
     if table.law_is_off(explained):
@@ -233,7 +233,7 @@ def diagnose(
     view = catalogue_view(predictor, readings.scales, n, runs).with_law_error(fitter.law)
     belief = Belief.from_fits(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
-    excited = {kind: one for kind, one in shown.items() if kind not in silent}
+    excited = {kind: one for kind, one in shown.items() if kind not in unexcited}
     return Diagnosis(
         measurement=measurement,
         judgement=judgement,
@@ -241,7 +241,7 @@ def diagnose(
         fits=search.fits,
         readings=readings,
         noise=table.noise,
-        not_excited=_ways_to_excite(view, registry, shown, silent),
+        not_excited=_ways_to_excite(view, registry, shown, unexcited),
         indistinguishable=confounded_with(shown, search.fits, n, fitter.law),
         classes=split_classes(registry, view, excited, n, judgement.credible, fitter.law),
         detectable=detectable(shown, n, thresholds, fitter.law),
@@ -315,10 +315,10 @@ def _estimates(
 
 
 def _ways_to_excite(
-    view: CatalogueView, registry: Registry, shown: Mapping[str, Excitation], silent: Sequence[str]
+    view: CatalogueView, registry: Registry, shown: Mapping[str, Excitation], unexcited: Sequence[str]
 ) -> dict[str, str]:
-    """Return for each silent kind the run that its plugin names, or the one of the menu that shows it most."""
-    words = {kind: registry.get("effect", kind).implementation_class().notes.excitation for kind in silent}
+    """Return for each kind not excited the run that its plugin names, or the one of the menu that shows it most."""
+    words = {kind: registry.get("effect", kind).implementation_class().notes.excitation for kind in unexcited}
     unnamed = [kind for kind, text in words.items() if not text]
     if unnamed:
         configs = {kind: EffectSet.from_kinds(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
@@ -351,7 +351,7 @@ def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]
         lines += in_plain_words(registry, kind)
         twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
         if twins:  # look-alikes that these runs cannot exclude
-            lines.append(f"Under these runs {kind} can hardly be told from {' or '.join(twins)}.")
+            lines.append(f"Under these runs {kind} can hardly be distinguished from {' or '.join(twins)}.")
     if found.verdict != "missing_effect":  # a selected effect is distinguished from its class
         left = {kind for kinds in found.judgement.credible for kind in kinds}
         next_run = found.next_run.name if found.next_run is not None else ""
@@ -402,7 +402,7 @@ def class_words(one: EffectClass, first: Collection[str] = (), next_run: str = "
     kinds = ["the law's own shape" if kind == LAW else kind for kind in kinds]
     more = len(kinds) - MOST_NAMED
     names = kinds if more <= 1 else [*kinds[:MOST_NAMED], f"{more} more"]
-    alike = f"At twice the noise these runs cannot tell {listed(names)} apart"
+    alike = f"At twice the noise these runs do not distinguish {listed(names)}"
     if not one.run:
         return f"{alike}, and no run of the menu would."
     if next_run and one.run != next_run:

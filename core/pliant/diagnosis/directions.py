@@ -73,7 +73,7 @@ class Directions:
             tuple(kinds), columns, np.array([n for n, _ in kept], np.intp), there, columns.T @ columns
         )
 
-    def promising(self, residual: Array, size: int, count: int) -> list[Kinds]:
+    def highest_ranked(self, residual: Array, size: int, count: int) -> list[Kinds]:
         """Return the `count` sets of `size` effects that could explain most of a residual (N,), the best first."""
         right = self.columns.T @ residual[self.there]
         places = self._places()

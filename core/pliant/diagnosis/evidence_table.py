@@ -134,7 +134,7 @@ class EvidenceThresholds:
             idealisation: a further effect must explain more than that.
         unknown_form_tolerance: that share with an effect outside the list, which could have any form.
         temperature: log-evidence is divided by this, because forms and noise models are inexact.
-        believed: probability above which the first hypothesis is the verdict.
+        accepted: probability above which the first hypothesis is the verdict.
         between_run_scatter: between / within scatter from which runs do not repeat.
         drift: change of scale between repeats, in floors (which it increases), from which they do not.
         fewest: n_eff below which no verdict is given.
@@ -156,7 +156,7 @@ class EvidenceThresholds:
     unknown_form_tolerance: float = 0.05
     rival_form: float = 220.0
     temperature: float = 2.0
-    believed: float = 0.9
+    accepted: float = 0.9
     between_run_scatter: float = 1.5
     drift: float = 0.3
     fewest: float = 12.0
@@ -177,7 +177,7 @@ OUTSIDE = 5.0
 # Log-odds of an error of the law from which it is reported.
 LAW_IS_OFF = 6.0
 # Share of that tolerance if forms vary, because they account for the rest.
-BENT_SHARE = 0.2
+VARIED_SHARE = 0.2
 # Half the number of independent ways in which a form may be wrong.
 COINCIDENCE = 2.0
 
@@ -409,7 +409,7 @@ def _left_over(
 ) -> float:
     """Return the error above the noise that slight errors of the law and of a hypothesis' equations may leave."""
     explained = table.nothing.before_law_error - table.rows[kinds].before_law_error
-    varies = BENT_SHARE if table.rows[kinds].form_price > 0.0 else 1.0
+    varies = VARIED_SHARE if table.rows[kinds].form_price > 0.0 else 1.0
     tolerance = varies * thresholds.model_form_tolerance if form is None else form
     by_law = table.rows[kinds].explained_by_law
     off = thresholds.law_form_tolerance * (by_law if np.isfinite(by_law) else 0.0)

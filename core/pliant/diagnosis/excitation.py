@@ -177,7 +177,7 @@ def detectable(
     thresholds: EvidenceThresholds,
     law: LawReference | None = None,
 ) -> tuple[Detectable, ...]:
-    """Return for each effect the strength at which it would be believed over "nothing", with proportional changes.
+    """Return for each effect the strength at which it would be accepted over "nothing", with proportional changes.
 
     It must exceed its penalty, the part that a slightly wrong law explains alone, and the odds that a verdict needs.
     With `law`, the part that the law's own error can imitate does not count.
@@ -187,7 +187,7 @@ def detectable(
         if law is None
         else Whitener.from_sensitivities(law.columns, law.precision_at(law.prior.large, n))
     )
-    odds = thresholds.temperature * np.log(thresholds.believed / (1.0 - thresholds.believed))
+    odds = thresholds.temperature * np.log(thresholds.accepted / (1.0 - thresholds.accepted))
     price = 2.0 * (thresholds.price(1, len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
     smallest = float(np.sqrt((1.0 + thresholds.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
     results = []

@@ -4,8 +4,8 @@ Check. Draws come from a normal distribution that is wider than the approximatio
 has the weight w = p(x) / q(x), with its density q and the likelihood times prior p without any approximation; D draws
 have the effective sample size (Σ w)² / Σ w² (Kong, Liu & Wong 1994). Weighted mean and spread are those of the
 posterior, and the approximation is accepted if its own are close to them. A hundred draws do not resolve the tail of a
-curved valley; the profile intervals do (`leaning`), and if one of their sides differs in length from the normal one
-the error bars are rough, too.
+curved valley; the profile intervals do (`asymmetric_parameter`), and if one of their sides differs in length from the
+normal one the error bars are rough, too.
 
 Shares. The shares of the prediction's variance over the posterior that a parameter accounts for: `first`, the expected
 reduction if it became known, including what it implies about the others, and `total`, the remaining share if all
@@ -42,7 +42,7 @@ WIDER = 1.4
 # The approximation is accepted if no mean is off by more than this share of its standard deviation, and no standard
 # deviation by more than this factor, with at least this effective number of draws.
 OFF, FACTOR, ENOUGH = 0.3, 1.25, 12.0
-LEANING = 1.35
+ASYMMETRIC = 1.35
 SEED = 0
 # Share of the readings without an equilibrium that is allowed in a draw, as in a fit.
 MOST_LOST = 0.02
@@ -138,7 +138,7 @@ def explore(
 
 
 @dataclass(frozen=True)
-class Leaning:
+class AsymmetricParameter:
     """A parameter with one side of its 90 % interval `ratio` times as long as for a normal distribution."""
 
     name: str
@@ -146,8 +146,8 @@ class Leaning:
     ratio: float
 
 
-def leaning(posterior: Posterior, found: Uncertainty) -> Leaning | None:
-    """Return the side of a profile interval that differs most from the normal one, if by more than `LEANING`.
+def asymmetric_parameter(posterior: Posterior, found: Uncertainty) -> AsymmetricParameter | None:
+    """Return the side of a profile interval that differs most from the normal one, if by more than `ASYMMETRIC`.
 
     Args:
         posterior: defines the x in which the distribution is normal.
@@ -160,9 +160,11 @@ def leaning(posterior: Posterior, found: Uncertainty) -> Leaning | None:
         normal = NINETY * one.sd / abs(rate) if rate else np.inf
         for upwards, end, is_open in ((False, one.low, one.open_low), (True, one.high, one.open_high)):
             if not is_open and np.isfinite(normal) and normal > 0.0:
-                sides.append(Leaning(one.name, upwards, abs(parameter.x(end) - float(x)) / normal))
+                sides.append(
+                    AsymmetricParameter(one.name, upwards, abs(parameter.x(end) - float(x)) / normal)
+                )
     most = max(sides, key=lambda side: abs(np.log(max(side.ratio, 1e-9))), default=None)
-    return most if most is not None and not 1.0 / LEANING < most.ratio < LEANING else None
+    return most if most is not None and not 1.0 / ASYMMETRIC < most.ratio < ASYMMETRIC else None
 
 
 def draws_for(readings: int) -> int:

@@ -18,7 +18,7 @@ from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
 from pliant.diagnosis.candidates import StudyCandidate, candidate_kinds
 from pliant.diagnosis.effect_fit import EffectFit
-from pliant.diagnosis.exploration import Exploration, explore, leaning
+from pliant.diagnosis.exploration import Exploration, asymmetric_parameter, explore
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.kept_posterior import posterior_block
 from pliant.diagnosis.law_posterior import law_error_prior
@@ -97,7 +97,7 @@ class Extension:
         """Return whether the posterior is close to a normal distribution; None if it was not explored."""
         if self.exploration is None:
             return None
-        return self.exploration.good and leaning(self.posterior, self.uncertainty) is None
+        return self.exploration.good and asymmetric_parameter(self.posterior, self.uncertainty) is None
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -331,7 +331,7 @@ def write_extended_study(
         _set_fitted(draft, found, note, notes_by_kind or {})
     if found is not None and learned is None:  # its scatter is of the model without a learned term
         kept = posterior_block(found.posterior, found.scatter).canonical()
-        draft.set(("posterior",), kept, "how sure; 'pliant compare' draws its bands from it")
+        draft.set(("posterior",), kept, "uncertainty; 'pliant compare' draws its bands from it")
         meant["posterior"] = kept
     if learned is not None:
         at = ("effects", len(effects))

@@ -73,8 +73,8 @@ CLOSINGS = {
         "The error that is left is {left} times the noise, which noise alone may leave: no listed effect lowers the "
         "error of the training runs any further.",
         "No listed effect lowers the error of the training runs any further, and yet it is {left} times the noise.",
-        "No listed effect lowers the error of the training runs any further; nothing tells how much of what is left is "
-        "noise.",
+        "No listed effect lowers the error of the training runs any further; it is unknown how much of what is left "
+        "is noise.",
     ),
     "unknown_effect": (
         f"{RIGHT}; no listed effect explains the rest ({{gain}}).",
@@ -202,7 +202,7 @@ class _Walk:
         if proposal.cause != "open" and again:
             return "same_effect", (
                 f"What is left looks like more of {again[0]}, which is in the model already: its equation is an "
-                "idealisation that these readings see through. A form of your own may fit better."
+                "idealisation that these readings contradict. A form of your own may fit better."
             )
         if len(self.added) + len(order) > most_steps:
             return "most_steps", f"{most_steps} effects are the most that are added in one go."
@@ -389,8 +389,8 @@ class _Walk:
             locked.why,
         ]
         remarks += [*_rises(steps), *_still_wrong(steps[-1], stop)]
-        single = "blocks of the one run, left out one after another, not of a run that nothing has seen"
-        several = "runs left out one after another, not of runs that nothing has seen"
+        single = "blocks of the one run, left out one after another, rather than of a run not used in any fit"
+        several = "runs left out one after another, rather than of runs not used in any fit"
         if not locked.runs:
             remarks.append(f"Errors are those of {single if len(locked.training.runs) == 1 else several}.")
         if not noise.judged:
@@ -437,7 +437,7 @@ class _Walk:
                 which="without its correction the error" if corrected else "the error",
             )
         elif stop == "insufficient_data" and self.added:
-            first = "Whether more is missing these data cannot tell."
+            first = "These data do not determine whether more is missing."
         else:
             first = found.judgement.sentence
         if stop in ("nothing_missing", "law_off"):
@@ -466,8 +466,8 @@ def _rises(steps: Sequence[Step]) -> list[str]:
     """Return sentences on steps that raised the error on test runs: reported, never acted upon."""
     return [
         f"With {' + '.join(now.added)} the error on the runs held out rose from {before.locked.over_floor:.2f} to "
-        f"{now.locked.over_floor:.2f} times the noise, although it fell on training runs left out: do not "
-        "trust this step without further runs."
+        f"{now.locked.over_floor:.2f} times the noise, although it fell on training runs left out: confirm "
+        "this step by further runs."
         for before, now in pairwise(steps)
         if now.locked.over_floor > before.locked.over_floor
     ]

@@ -9,7 +9,11 @@ from pliant.mechanics.learned_curve import CurveAxis
 # What the curve changes: its quantity with the SI unit (of the input if empty), and possible causes.
 ACTS = {
     "input": ("added to the {input}", "", "the {input} that arrives: gauge, regulator, hose, valve"),
-    "moment": ("a moment at every joint", "N*m", "something that pushes, rubs or catches at the joints"),
+    "moment": (
+        "a moment at every joint",
+        "N*m",
+        "the joints: contact, friction or another additional moment",
+    ),
     "elastic": ("the stiffness of every joint", "1", "the walls: what makes them stiffer or softer"),
     "actuation": (
         "what the {input} does at every joint",
@@ -72,6 +76,6 @@ def described(found: LearnedTerm) -> str:
     form = "curve" if len(found.form.axes) == 1 else "surface"
     return (
         f"a smooth {form} over {depends_on(found)} that changes {label.removeprefix('added to ')}, "
-        f"{found.freedom:.0f} numbers' worth. It is a description and no cause, and says nothing outside these data; "
+        f"{found.freedom:.0f} numbers' worth. It is a description and no cause, and is not valid outside these data; "
         f"look at {look}."
     )

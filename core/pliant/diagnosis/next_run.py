@@ -76,7 +76,7 @@ class ExpectedOutcome:
     """The expected result of a run for the contenders.
 
     Attributes:
-        right: probability that the true one is then believed.
+        right: probability that the true one is then accepted.
         wrong: probability that another one is.
         information: expected fall of the entropy of the probabilities, in nats.
         factors: (K, K) expected log Bayes factor of row against column if the row is true.
@@ -88,13 +88,13 @@ class ExpectedOutcome:
     factors: Array
 
 
-def expected(contenders: Sequence[Contender], temperature: float, believed: float) -> ExpectedOutcome:
+def expected(contenders: Sequence[Contender], temperature: float, accepted: float) -> ExpectedOutcome:
     """Return the expected outcome of a run, always with the same draws.
 
     Args:
         contenders: two or more.
         temperature: log Bayes factors are divided by this before they change a probability.
-        believed: probability from which a hypothesis is the verdict.
+        accepted: probability from which a hypothesis is the verdict.
     """
     share = np.array([one.probability for one in contenders])
     share = share / share.sum()
@@ -119,7 +119,7 @@ def expected(contenders: Sequence[Contender], temperature: float, believed: floa
         odds -= odds.max(axis=1, keepdims=True)
         posterior = np.exp(odds)
         posterior /= posterior.sum(axis=1, keepdims=True)
-        sure = posterior >= believed
+        sure = posterior >= accepted
         right += probability * float(sure[:, a].mean())
         wrong += probability * float(np.delete(sure, a, axis=1).any(axis=1).mean())
         after -= probability * float((posterior * np.log(np.maximum(posterior, 1e-300))).sum(axis=1).mean())
@@ -251,8 +251,8 @@ class Belief:
     @property
     def deciding(self) -> float:
         """Return the expected log Bayes factor that turns even odds into a verdict."""
-        believed = self.thresholds.believed
-        return self.thresholds.temperature * math.log(believed / (1.0 - believed))
+        accepted = self.thresholds.accepted
+        return self.thresholds.temperature * math.log(accepted / (1.0 - accepted))
 
 
 def candidate_runs(predictor: Predictor, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
@@ -394,7 +394,7 @@ def _outcome(
         form += belief.thresholds.model_form_tolerance * float(np.sum((mean - plain) ** 2))
         known = information_matrix(fit, belief.n_effective, belief.square)
         contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))
-    return expected(contenders, belief.thresholds.temperature, belief.thresholds.believed)
+    return expected(contenders, belief.thresholds.temperature, belief.thresholds.accepted)
 
 
 def _ranked(

@@ -3,12 +3,12 @@
 Near its single fit, and near its plausible end, an effect changes the readings along a few directions: its change there
 and its slopes. The part of a residual that a set could explain is, to first order, the regression of the residual on
 the directions of its effects (Rao's score test, 1948, for all subsets at once as in Furnival & Wilson, Technometrics
-16, 1974). Of all sets of two effects, then of three, the most promising by this superposition are fitted with the
-physics in the loop, and the best single with its best partners. Directions may add up only beyond first order: each
-leading single is also tried with every other effect, by one bounded step from where both act. An effect that the law's
-own error imitates has no promise in addition to it, but may still be present: the leading singles are also fitted with
-each such effect. The best set's effects are exchanged in turn, and its subsets are fitted too, so that an effect that
-has become idle is dropped (Miller, Subset Selection in Regression, 2002).
+16, 1974). Of all sets of two effects, then of three, those with the largest expected gain by this superposition are
+fitted with the physics in the loop, and the best single with its best partners. Directions may add up only beyond first
+order: each leading single is also tried with every other effect, by one bounded step from where both act. An effect
+that the law's own error imitates has no expected gain in addition to it, but may still be present: the leading singles
+are also fitted with each such effect. The best set's effects are exchanged in turn, and its subsets are fitted too, so
+that an effect that has become idle is dropped (Miller, Subset Selection in Regression, 2002).
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
 MOST_EFFECTS = 3
-# Number of most promising sets of one size that are fitted; and of each kind of neighbours of the best one.
+# Number of highest-ranked sets of one size that are fitted; and of each kind of neighbours of the best one.
 SCREENED = 10
 EXCHANGED = 3
 # Number of leading singles that are tried with every other effect.
 PAIRED = 10
 # Number of leading sets of their size whose forms are varied.
-BENT, BENT_LARGER = 5, 2
+VARIED_FORMS, VARIED_FORMS_LARGER = 5, 2
 # Number of leading singles, within this log-evidence of the best, that are fitted with each effect imitated by the
 # law's own error, which leaves at most this share of its squares.
 BESIDE_LAW, NEAR_BEST, LEFT_BY_LAW = 3, 14.0, 0.2
@@ -160,7 +160,7 @@ class HypothesisSearch:
         plain = self.fitter.whitened(self.fits[NOTHING].raw)
         for size in range(2, min(MOST_EFFECTS, n_kinds) + 1):
             before = self._best([key for key in self.fits if len(key) < size])
-            sets = directions.promising(plain, size, SCREENED)
+            sets = directions.highest_ranked(plain, size, SCREENED)
             if size == 2:
                 sets += self._pairs(directions.kinds)
             beside = [key for key in self.fits if len(key) == size - 1]
@@ -179,7 +179,7 @@ class HypothesisSearch:
         table, plain = self.table(), self.rows[NOTHING].mean_square
         evidence = log_evidence(table, self.thresholds)
         gaining = [kinds for kinds in dict.fromkeys(sets) if self.rows[kinds].mean_square < plain]
-        most = BENT if all(len(kinds) == 1 for kinds in sets) else BENT_LARGER
+        most = VARIED_FORMS if all(len(kinds) == 1 for kinds in sets) else VARIED_FORMS_LARGER
         leading = sorted(gaining, key=lambda kinds: -evidence[kinds])[:most]
         tried = [
             kinds
@@ -225,7 +225,7 @@ class HypothesisSearch:
         return True
 
     def _pairs(self, kinds: Sequence[str]) -> list[Kinds]:
-        """Return the most promising pairs with a leading single, by one step from where both effects act."""
+        """Return the highest-ranked pairs with a leading single, by one step from where both effects act."""
         evidence = log_evidence(self.table(), self.thresholds)
         singles = [(kind,) for kind in kinds if np.isfinite(self.rows[(kind,)].mean_square)]
         leading = sorted(singles, key=lambda key: -evidence[key])[:PAIRED]
@@ -243,7 +243,7 @@ class HypothesisSearch:
         return [pairs[k] for k in ranked[:SCREENED] if np.isfinite(costs[k])]
 
     def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
-        """Return the base with each of the most promising further kinds, its own parameters being refitted."""
+        """Return the base with each of the highest-ranked further kinds, its own parameters being refitted."""
         fit = self.fits[base]
         if not np.all(np.isfinite(fit.residual)):
             return []
@@ -281,7 +281,7 @@ class HypothesisSearch:
     def _fit(self, sets: Sequence[Kinds], near: Kinds | None = None) -> None:
         """Fit those of the sets that are new; the start of each does not depend on the others."""
         new = [kinds for kinds in dict.fromkeys(sets) if kinds not in self.fits]
-        asked = [EffectSet.from_kinds(self.registry, kinds, self._bent(kinds)) for kinds in new]
+        asked = [EffectSet.from_kinds(self.registry, kinds, self._varied_forms(kinds)) for kinds in new]
         starts = [self._starts(candidate, near) for candidate in asked]
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
             done = queue.each([self._job(*one) for one in zip(asked, starts, strict=True)])
@@ -316,7 +316,7 @@ class HypothesisSearch:
         row = _row(kinds, fit, plain, self.readings, self.condition, price)
         self.rows[kinds] = replace(row, imitated_price=IMITATED_PRICE) if kinds in self._imitated else row
 
-    def _bent(self, kinds: Kinds) -> list[str]:
+    def _varied_forms(self, kinds: Kinds) -> list[str]:
         """Return the kinds whose single fits do not have the plain form."""
         return [kind for kind in kinds if (kind,) in self.fits and self.fits[(kind,)].candidate.forms]
 

@@ -61,25 +61,25 @@ def shared_effects(
     at_bound: Mapping[Kinds, frozenset[str]],
     thresholds: EvidenceThresholds,
 ) -> SharedEffect | None:
-    """Return the most probable group; None if no group is believed, or one hypothesis alone is credible.
+    """Return the most probable group; None if no group is accepted, or one hypothesis alone is credible.
 
     Args:
         probability: of every hypothesis, the largest first.
         alike: pairs of kinds that these runs can hardly distinguish.
         at_bound: for hypotheses, the effects of which a shape ended on a bound. Such a member is chosen only if all
             others are, too.
-        thresholds: `believed` is the least probability of a group; "nothing" and "outside the list" must have less than
+        thresholds: `accepted` is the least probability of a group; "nothing" and "outside the list" must have less than
             the rest together.
     """
     doubt = probability.get(NOTHING, 0.0) + probability.get(UNKNOWN, 0.0)
     credible = [kinds for kinds in credible_set(probability) if kinds not in (NOTHING, UNKNOWN)]
-    if len(credible) < 2 or doubt >= 1.0 - thresholds.believed:
+    if len(credible) < 2 or doubt >= 1.0 - thresholds.accepted:
         return None
     known = {kinds: p for kinds, p in probability.items() if kinds not in (NOTHING, UNKNOWN)}
     best: SharedEffect | None = None
     for group in _groups(credible, alike):
         total = sum(p for kinds, p in known.items() if not group.isdisjoint(kinds))
-        if total < thresholds.believed or (best is not None and total <= best.probability):
+        if total < thresholds.accepted or (best is not None and total <= best.probability):
             continue
         held = {kind: {kinds: p for kinds, p in known.items() if kind in kinds} for kind in group}
         members = sorted(group, key=lambda kind: (-sum(held[kind].values()), kind))
@@ -134,7 +134,7 @@ class StepProposal:
         order: kinds, the one that explains most first.
         stands_for: look-alikes that it represents, itself included; empty if the verdict is the effect itself.
         cause: `named` by a verdict, by a `class` of look-alikes, or `open`: it predicts better, whatever it is.
-        shared: what the credible explanations agree on, if none is believed alone.
+        shared: what the credible explanations agree on, if none is accepted alone.
     """
 
     found: Diagnosis
@@ -164,7 +164,7 @@ class StepProposal:
                 f"Taken because it predicts better ({component.summary}), not because these data name it as the cause"
                 f"{same}."
             )
-        known = f"The training runs speak for {kind}: {component.summary}."
+        known = f"The training runs support {kind}: {component.summary}."
         known += f" It is known by this: {notes.signature}" if notes.signature else ""
         return known + (f" On the bench: {notes.inspection}" if notes.inspection else "")
 
@@ -282,7 +282,7 @@ def predicting_step(found: Diagnosis, without: Collection[str]) -> StepProposal 
 
 
 def _shared(found: Diagnosis) -> SharedEffect | None:
-    """Return what the credible explanations agree on, if none of them is believed alone; else None."""
+    """Return what the credible explanations agree on, if none of them is accepted alone; else None."""
     if found.verdict != "ambiguous":
         return None
     alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
@@ -302,15 +302,17 @@ def _standing_in(shared: SharedEffect, found: Diagnosis) -> str:
             f"The explanations that are left differ in what else is missing; {shared.chosen} is in nearly all of them "
             f"({shared.probability:.0%})."
         )
-    told = f"{shared.chosen} stands for one of {', '.join(shared.stands_for)}: these data cannot tell which"
+    known = (
+        f"{shared.chosen} stands for one of {', '.join(shared.stands_for)}: these data do not determine which"
+    )
     group = set(shared.stands_for)
     splits = [one for one in found.classes if one.run and len(group.intersection(one.kinds)) > 1]
     if splits:
         best = max(splits, key=lambda one: len(group.intersection(one.kinds)))
-        return f"{told}; the run that would is: {best.words} ({best.minutes:g} min)."
+        return f"{known}; the run that would is: {best.words} ({best.minutes:g} min)."
     if found.next_run is not None:
-        return f"{told}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."
-    return f"{told}."
+        return f"{known}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."
+    return f"{known}."
 
 
 def _by_gain(found: Diagnosis, kinds: Sequence[str]) -> tuple[str, ...]:

@@ -31,24 +31,24 @@ HEADLINES = {
     "missing_effect": ("Missing: {kinds}. The error without it is {left}.", "Missing: {kinds}."),
     "ambiguous": (f"{UNDECIDED} The error is {{left}}.", UNDECIDED),
     "class": (
-        "Missing: {kinds}; these data cannot tell which. The error without it is {left}.",
-        "Missing: {kinds}; these data cannot tell which.",
+        "Missing: {kinds}; these data do not determine which. The error without it is {left}.",
+        "Missing: {kinds}; these data do not determine which.",
     ),
     "class_with_law": (
-        "{either} is off, or {kinds} is missing; these data cannot tell which. The error is {left}.",
-        "{either} is off, or {kinds} is missing; these data cannot tell which.",
+        "{either} is off, or {kinds} is missing; these data do not determine which. The error is {left}.",
+        "{either} is off, or {kinds} is missing; these data do not determine which.",
     ),
     "law_off": ("No effect is missing; the joint law is off{law}.",) * 2,
     "nothing_missing": (
-        "Nothing is missing that these data could show.",
+        "These data show no missing effect.",
         "No listed effect helps, and the error is {ratio} times the noise: these data are too few to say more.",
     ),
     "unknown_effect": (
         "What is left is {left}; no listed effect explains it.",
         "Something is missing, and it is not in the list.",
     ),
-    "not_repeatable": ("The bench does not repeat well enough to say.",) * 2,
-    "insufficient_data": ("These data cannot tell.",) * 2,
+    "not_repeatable": ("The bench does not repeat well enough for a verdict.",) * 2,
+    "insufficient_data": ("These data are not sufficient for a verdict.",) * 2,
 }
 NOT_PREDICTIVE = (
     "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
@@ -115,8 +115,8 @@ class Judgement:
             self.verdict in ("missing_effect", "ambiguous")
             and self.best.ratio - 2.0 * self.best.se > MUCH_LEFT
         ):
-            whole = "this is not" if self.verdict == "missing_effect" else "none of these is"
-            first = f"{self.best} times the noise is left: {whole} the whole story. "
+            which = "this does not explain" if self.verdict == "missing_effect" else "none of these explains"
+            first = f"{self.best} times the noise is left: {which} all of the error. "
         known: str = "class" if self.selected_class else self.verdict
         listed_kinds = [kind for kind in self.selected_class if kind != LAW]
         group = " or ".join(listed_kinds)
@@ -216,7 +216,7 @@ def _verdict(
 ) -> tuple[Verdict, tuple[str, ...]]:
     noise = table.noise
     if table.n_readings < thresholds.fewest:
-        return "insufficient_data", (f"No verdict can rest on {plural(table.n_readings, 'reading')}.",)
+        return "insufficient_data", (f"A verdict cannot be based on {plural(table.n_readings, 'reading')}.",)
     if noise.between_run_scatter > thresholds.between_run_scatter:
         return "not_repeatable", (
             f"Runs with the same inputs scatter {noise.between_run_scatter:.1f} times as much as readings within a "
@@ -226,25 +226,26 @@ def _verdict(
         way = "more" if noise.drift.share > 0 else "less"
         return "not_repeatable", (
             f"Later runs read {abs(noise.drift.share):.1%} {way} {noise.drift.output} than earlier ones with the same "
-            "inputs, and no effect that was tried says why. Find what changes over the session, or with the specimen.",
+            "inputs, and no effect that was tried explains it. Find what changes over the session, or with the "
+            "specimen.",
         )
     if noise.n_effective < thresholds.fewest:
         return "insufficient_data", (
-            f"The readings are worth only {noise.n_effective:.0f} independent ones; "
-            f"{thresholds.fewest:.0f} are the least that a verdict can rest on.",
+            f"The effective sample size of the readings is only {noise.n_effective:.0f}; "
+            f"a verdict requires {thresholds.fewest:.0f}.",
         )
     if n_excited < min(2, table.n_candidates):
         return "insufficient_data", (
-            "These runs excite next to nothing: under them almost every listed effect would change the readings "
+            "These runs excite almost no effect: under them almost every listed effect would change the readings "
             f"by less than {thresholds.excited:g} of the noise.",
         )
-    if probability[first] < thresholds.believed:
+    if probability[first] < thresholds.accepted:
         return "ambiguous", ()
     left = table.excess(table.nothing.as_it_is)
     if first == UNKNOWN:
         size = f"{left} times the noise" if math.isfinite(left.ratio) else "well above the noise"
         return "unknown_effect", (
-            "It is more than chance, but no effect could take more than that away."
+            "It is significant, but no effect could remove more than that."
             if left.slight
             else f"The error is {size}, and no listed effect, nor a few of them together, brings it down.",
         )
@@ -253,13 +254,13 @@ def _verdict(
             return "law_off", ()
         if not noise.judged:
             return "insufficient_data", (
-                "No listed effect helps, but without repeats or a stated sigma nobody can say whether the error "
+                "No listed effect helps, but without repeats or a stated sigma it is unknown whether the error "
                 "that is left is noise.",
             )
         return "nothing_missing", (
             "The error is what the noise allows, and no listed effect lowers it."
             if left.small or not math.isfinite(left.ratio)
-            else "No listed effect lowers it. More such runs would tell whether it is one outside the list.",
+            else "No listed effect lowers it. More such runs would decide whether it is one outside the list.",
         )
     if not predicts_unseen(table, first):
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
@@ -274,6 +275,6 @@ def _other_form(table: EvidenceTable, kinds: Kinds) -> tuple[str, ...]:
         return ()
     share = (top - noise.floor_square) / max(table.nothing.mean_square - noise.floor_square, LEAST_SQUARE)
     return (
-        f"The kind is right, its form is not exactly ours: with {named(kinds)} the error is still {left} times the "
-        f"noise, and {share:.1%} of what it explains is left.",
+        f"The kind is right, but its form differs from the catalogue's: with {named(kinds)} the error is still "
+        f"{left} times the noise, and {share:.1%} of what it explains is left.",
     )

@@ -29,11 +29,11 @@ def interpret(comparison: Comparison) -> str:
         if left.small:
             return (
                 f"Within the noise: the error is {times(comparison)} the noise floor and no condition stands out. "
-                "Nothing to explain here."
+                "No unexplained error."
             )
         return (
             f"The error is {times(comparison)} the noise, but no condition stands out among "
-            f"{comparison.n_places} looked at: the floor may be too low, or the runs too few to tell."
+            f"{comparison.n_places} looked at: the floor may be too low, or the runs too few to decide."
         )
     start = (
         f"The model is off by {times(comparison)} the noise"

@@ -58,7 +58,7 @@ class Excess:
         """Return words for a small error: ``small: 1.04 ± 0.06 times the noise (at most 4 % of the error to gain)``."""
         if self.slight:
             return f"small: {self} times the noise ({self.gain})"
-        return f"not told from the noise: {self} times it"
+        return f"not distinguishable from the noise: {self} times it"
 
     def __str__(self) -> str:
         """Return ``1.04 ± 0.06``."""

@@ -52,7 +52,7 @@ def comparison_answers(found: Comparison) -> Answers:
         )
     right = ratio < NEAR and place is None and not found.significant
     after = (
-        "Nothing to explain here; measure what these runs do not cover."
+        "No unexplained error; measure what these runs do not cover."
         if right
         else "Identify the effect: pliant diagnose."
     )

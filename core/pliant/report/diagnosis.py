@@ -298,7 +298,7 @@ def _next(found: Diagnosis) -> Section | None:
         return None
     text = [f"{capital(step.run)} ({step.minutes:g} min).", f"Why: {step.why}."]
     if step.separates:
-        text.append(f"One such run would tell {_separated(step.separates)}.")
+        text.append(f"One such run would distinguish {_separated(step.separates)}.")
     title = "What to measure next" if found.verdict != "missing_effect" else "To be surer still"
     return Section(title, text=tuple(text), open=True)
 
@@ -347,8 +347,8 @@ def _limits(found: Diagnosis, registry: Registry) -> Section:
         look_alikes_table(found, notes),
         detectable_table(found),
     )
-    asked, silent = len(found.excitations), len(found.not_excited)
-    text = f"These runs excite {asked - silent} of the {asked} candidate effects."
+    asked, unexcited = len(found.excitations), len(found.not_excited)
+    text = f"These runs excite {asked - unexcited} of the {asked} candidate effects."
     text += "" if found.indistinguishable else " They distinguish all of these from each other."
     tables = tuple(table for table in made if table is not None)
     return Section("What these runs could not show", tables=tables, text=(text,))

@@ -140,7 +140,7 @@ def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
 def not_excited_table(found: Diagnosis) -> Table | None:
     """Return the effects that these runs cannot judge, and the run that would excite each."""
     rows = [[kind, run or "none that this bench can do"] for kind, run in found.not_excited.items()]
-    note = "Even as strong as an expert would still believe, they change these readings by less than 0.3 noise floors."
+    note = "Even as strong as an expert considers plausible, they change these readings by less than 0.3 noise floors."
     return optional_table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
 
 
@@ -167,7 +167,7 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         "In brackets: the share of the effect's change, at a strength of 2 noise floors, that the other cannot "
         "imitate; the noise hides it."
     )
-    head = ["effect", "can be imitated by", "what tells them apart"]
+    head = ["effect", "can be imitated by", "what distinguishes them"]
     return optional_table("Look-alikes under these runs", head, rows, note, 3)
 
 
@@ -182,7 +182,7 @@ def classes_table(found: Diagnosis) -> Table | None:
         "From the inputs, the noise and the model alone, at a strength of 2 noise floors: the readings have no part in "
         "it. A run is sought where an effect of the class is among the explanations that are left."
     )
-    head = ["cannot be told apart", "run that would split them", "into"]
+    head = ["not distinguished", "run that would split them", "into"]
     return optional_table("Classes under these runs", head, rows, note, 3)
 
 

@@ -99,7 +99,9 @@ def _absent(found: Extension, registry: Registry) -> str:
     for kind in found.absent:
         notes = registry.get("effect", kind).implementation_class().notes
         run = f" A run that would show it: {notes.excitation}" if notes.excitation else ""
-        sentences.append(f"These readings show no {kind}: its strength is not told from zero.{run}")
+        sentences.append(
+            f"These readings show no {kind}: its strength is not distinguishable from zero.{run}"
+        )
     return " ".join([*sentences, "No study was written."])
 
 

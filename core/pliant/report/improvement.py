@@ -141,7 +141,9 @@ def doubts(found: Improvement) -> list[str]:
     left = Excess(last.locked.over_floor, last.locked_se)
     said = []
     if left.ratio > WIDE and not left.small:
-        said.append(f"{number(left.ratio, 2)} times the noise is left: none of these is the whole story.")
+        said.append(
+            f"{number(left.ratio, 2)} times the noise is left: none of these explains all of the error."
+        )
     if found.final is not None:
         estimates = found.final.uncertainty.estimates
         said += [implausible_text(one) for one in estimates if not (one.plausible or one.simpler)]
@@ -169,7 +171,7 @@ def stands_for(step: Step) -> str:
     """Return an addition to the comment on an effect: its alternatives, or that the cause is open."""
     if not step.stands_for:
         return "; predicts better, the cause is open" if step.cause == "open" else ""
-    return f"; stands for one of {', '.join(step.stands_for)}, which these data cannot tell apart"
+    return f"; stands for one of {', '.join(step.stands_for)}, which these data do not distinguish"
 
 
 def _title(placed: Placed) -> str:

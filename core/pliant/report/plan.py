@@ -64,7 +64,7 @@ def plan_document(
         lines += [f"{one.name} ({one.minutes:g} min): {one.run}", f"  {one.why}"]
         for a in dict.fromkeys(a for a, _ in one.separates):
             others = listed([named(b) for c, b in one.separates if c == a])
-            lines.append(f"  expected to tell {named(a)} from {others}")
+            lines.append(f"  expected to distinguish {named(a)} from {others}")
         lines += [f"  file   {file}"] if file else []
     none = remark or (NO_LISTED if found.verdict == "unknown_effect" else ONE_LEFT)
     return Document(
@@ -98,7 +98,7 @@ def design_document(title: str, found: RunDesign, files: Sequence[str], registry
     for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
         run = found.runs[k]
         lines.append(f"run {number}: {run.name} ({run.minutes:g} min): {run.words}")
-        groups = f"  {plural(count, 'group')} of effects told apart so far"
+        groups = f"  {plural(count, 'group')} of effects distinguished so far"
         lines.append(f"{groups}; file   {file}" if file else groups)
     whole = (
         f"{plural(len(found.chosen), 'run')}, {found.minutes:g} min: "
@@ -112,8 +112,12 @@ def design_document(title: str, found: RunDesign, files: Sequence[str], registry
         brief=tuple(lines),
         closing=(
             whole,
-            *(f"not told apart: {listed(list(part))}" for part in found.together),
-            *([f"shown by none of these runs: {listed(list(found.silent))}"] if found.silent else []),
+            *(f"not distinguished: {listed(list(part))}" for part in found.together),
+            *(
+                [f"shown by none of these runs: {listed(list(found.not_excited))}"]
+                if found.not_excited
+                else []
+            ),
         )
         if found.chosen
         else (),
@@ -139,7 +143,7 @@ def design_json(found: RunDesign, files: Sequence[str]) -> dict[str, Any]:
         "runs": runs,
         "minutes": found.minutes,
         "classes": [{"kinds": list(part)} for part in found.together],
-        "not_shown": list(found.silent),
+        "not_shown": list(found.not_excited),
         "not_tried": dict(found.not_tried),
     }
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pliant.diagnosis.bands import Bands
 from pliant.diagnosis.blind import unidentifiable_directions
-from pliant.diagnosis.exploration import ENOUGH, FACTOR, OFF, Share, leaning
+from pliant.diagnosis.exploration import ENOUGH, FACTOR, OFF, Share, asymmetric_parameter
 from pliant.diagnosis.extension import Extension
 from pliant.diagnosis.posterior import Posterior
 from pliant.formatting import listed, number, output_unit, whole_percent
@@ -90,17 +90,17 @@ def _alike(shares: Mapping[str, Share]) -> bool:
 
 def _unlike(found: Extension) -> str:
     """Return in what the posterior differs from a normal distribution."""
-    exploration, side = found.exploration, leaning(found.posterior, found.uncertainty)
+    exploration, side = found.exploration, asymmetric_parameter(found.posterior, found.uncertainty)
     hold = "the 90 % intervals are profiles, which follow that"
     if side is not None:
         way = "up" if side.upwards else "down"
         return (
-            f"the posterior of {side.name} is lopsided, and reaches {side.ratio:.1f} times as far {way} as its bar "
+            f"the posterior of {side.name} is asymmetric, and reaches {side.ratio:.1f} times as far {way} as its bar "
             f"says; {hold}"
         )
     assert exploration is not None
     if exploration.worth < ENOUGH:
-        return f"the posterior is so unlike a normal distribution that draws of one hardly meet it; {hold}"
+        return f"the posterior is so unlike a normal distribution that draws of the latter hardly cover it; {hold}"
     told = np.maximum(np.abs(exploration.off) / OFF, np.abs(np.log(exploration.factor)) / np.log(FACTOR))
     k = int(np.argmax(told))
     way = "above" if exploration.off[k] > 0 else "below"
@@ -126,7 +126,7 @@ def bands_words(found: Bands, measurement: Measurement, of: str, over_floor: flo
     if over_floor > WIDE:
         return (
             f"{band} is as wide as what the model misses, {number(over_floor, 2)} times the noise: that it holds "
-            f"{shown} of the readings of {of}{more} says nothing for the model."
+            f"{shown} of the readings of {of}{more} is no evidence for the model."
         )
     return f"{band} holds {shown} of the readings of {of}{more}."
 
@@ -145,7 +145,7 @@ def shares_table(found: Extension) -> Table | None:
     columns, rows = _shares(found)
     note = (
         "Of the variance that the parameters' uncertainty gives the prediction of these runs: alone, what would go "
-        "away if this parameter were known, with all that it tells about the others; beside the others, what would "
+        "away if this parameter were known, with all that it implies about the others; beside the others, what would "
         "stay if all others were known. Where the two differ much, parameters are known together and not apart, or act "
         "through one another."
     )

@@ -58,7 +58,7 @@ def is_found_when_injected(subject: Subject) -> None:
     of_its_class = (kind,) in left and len(single) == len(left) and any(single <= one for one in classes)
     require(found.verdict == "ambiguous" and of_its_class, _told(subject, found))
     twin = effect.notes.confounder
-    apart = f"its recommended runs cannot tell it from {twin}, its look-alike"
+    apart = f"its recommended runs do not distinguish it from {twin}, its look-alike"
     require((twin,) not in left, f"{apart}: name runs that do, or drop it for {twin}")
 
 

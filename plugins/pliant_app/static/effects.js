@@ -61,7 +61,7 @@ class EffectList {
   }
   tie(kind, alike) {
     const names = alike.slice(0, 4).join(", ").replaceAll("_", " ") + (alike.length > 4 ? ` and ${alike.length - 4} more` : "");
-    return `These runs cannot tell it from ${names}.`;
+    return `These runs do not distinguish it from ${names}.`;
   }
   slider(one, s) {
     const now = this.effects.find(e => e.kind === one.kind), id = `slider-${one.kind}-${s.name}`;

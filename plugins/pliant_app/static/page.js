@@ -268,7 +268,7 @@ function verdict(m) {
   if (d) hold.append(...diagnosed(d, link));
   else if (m.earlier) hold.append(el("div", {class: "earlier"}, el("p", {class: "soft"}, `The diagnosis of step ${m.earlier.step + 1}, ${m.earlier.words}:`), ...diagnosed(m.earlier.found, link)));
 }
-// A diagnosis: what it says, the best explanations and their rivals, the next run, what else would tell look-alikes apart.
+// A diagnosis: what it says, the best explanations and their rivals, the next run, what else would distinguish look-alikes.
 function diagnosed(d, link) {
   const parts = [el("p", {class: "result"}, d.sentence)], name = h => h.kinds.map(kind => ((d.had || []).includes(kind) ? `more of ${kind}` : kind)).join(" + ").replaceAll("_", " ") || "nothing is missing";
   const probable = d.hypotheses.filter((h, k) => h.kinds.length && (k === 0 || h.probability > 0.01)).slice(0, 5), known = new Set(probable.map(name));
@@ -289,7 +289,7 @@ function diagnosed(d, link) {
   if (links.length) parts.push(el("p", {}, links[0], links[1] ? " · " : "", links[1]));
   if (d.protocol) parts.push(el("p", {class: "soft"}, "Do it, fill in the readings, and add the file here: it goes beside the runs that are there."));
   const others = d.classes.filter(c => c.run && c.run !== d.next_name);
-  if (others.length) parts.push(el("details", {}, el("summary", {}, "Runs that would tell look-alikes apart"), el("table", {}, el("tr", {}, el("th", {}, "run"), el("th", {class: "n"}, "min"), el("th", {}, "tells apart")),
+  if (others.length) parts.push(el("details", {}, el("summary", {}, "Runs that would distinguish look-alikes"), el("table", {}, el("tr", {}, el("th", {}, "run"), el("th", {class: "n"}, "min"), el("th", {}, "distinguishes")),
     ...others.map(c => el("tr", {}, el("td", {}, c.words), el("td", {class: "n"}, short(c.minutes)), el("td", {}, c.kinds.join(", ").replaceAll("_", " ")))))));
   return parts;
 }

@@ -33,7 +33,7 @@ from pliant_designs.records import SolvedDesigns
 from pliant_plugins.surrogates.polynomial.energy import Exponents, unit
 
 ROUNDS = 12
-# Relative accuracy below which no data are believed.
+# Relative accuracy below which no data are accepted.
 NOISE_FLOOR = 1e-5
 # Share of the mean variance that every direction keeps.
 SPREAD_FLOOR = 1e-8

@@ -155,9 +155,9 @@ class PolynomialConfig(AxisConfig, SurrogateConfig):
         beside = [n for n, f in own if n not in ("kind", "axes") and getattr(self, n) != f.default]
         problem = None
         if self.axes is not None and beside:
-            problem = f"'{beside[0]}' stands beside 'axes': give it in the axes it belongs to"
+            problem = f"'{beside[0]}' is given together with 'axes': give it in the axes it belongs to"
             if beside[0] in ("joint", "axis"):
-                problem = f"'{beside[0]}' stands beside 'axes': a joint with axes is spherical; leave one of them out"
+                problem = f"'{beside[0]}' is given together with 'axes': a joint with axes is spherical; leave one out"
         elif self.axis is not None and self.coefficients is None:
             problem = "axis is that of a law stated by coefficients; a fitted law's is that of its data: leave it out"
         elif self.joint == "prismatic" and self.coefficients is None:
@@ -205,7 +205,7 @@ class TableConfig(SurrogateConfig):
     @model_validator(mode="after")
     def _one_joint(self) -> Self:
         if self.axes is not None and self.data is not None:
-            problem = "'data' stands beside 'axes': give it in the axes it belongs to"
+            problem = "'data' is given together with 'axes': give it in the axes it belongs to"
             raise PydanticCustomError("table", "{problem}", {"problem": problem})
         return self
 

@@ -110,7 +110,7 @@ POLICY = (
     "Designs tried for each condition in the last quarter of the search: dots, 5 to 95 % as a thin line, the middle "
     "half as a thick one. The star is the recommended design.",
     "Conditions whose spreads part want different designs; a wide spread says that the variable matters little there, "
-    "or that the optimizer has not settled yet, and the picture cannot tell which.",
+    "or that the optimizer has not settled yet, and the picture does not show which.",
 )
 FRONT = (
     "The front",

@@ -145,7 +145,7 @@ def rest_mistake(rest: RestPose, whole: StaticModel, plain: ReadingsByName) -> M
     if before < UNEXPLAINED:
         return None
     remedy = (
-        "Before any effect is believed look at the zeros of sensor and gauge (state one as 'zero: {column: value}'), "
+        "Before any effect is accepted look at the zeros of sensor and gauge (state one as 'zero: {column: value}'), "
         "at how the base is mounted ('chain.base'), at gravity, and at what hangs at the tip."
     )
     return Mistake("rest_pose", where, words, remedy, before, before)
