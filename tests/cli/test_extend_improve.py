@@ -145,7 +145,7 @@ def test_improve_walks_to_the_floor(pliant, joint, read, workplace):
     new = (workplace / "joint-improved.yaml").read_text()
     assert "runs held out" in new and "\nname: joint-improved\n" in new
     page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
-    assert "creeping" in page and 'src="http' not in page and 'href="http' not in page
+    assert "creeps" in page and 'src="http' not in page and 'href="http' not in page
     assert "falls from" in call.out
 
 
