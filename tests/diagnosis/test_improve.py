@@ -58,7 +58,7 @@ def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(creeping):
     left = found.steps[-1].locked
     assert found.reason.startswith(f"The error that is left is {left.over_floor:.2f} ± ")
     assert "The error is spread over all conditions" in found.steps[0].why  # the reason for the next step
-    assert "creeping" in found.steps[-1].why and "No condition stands out" in found.steps[-1].why
+    assert "creeps" in found.steps[-1].why and "No condition stands out" in found.steps[-1].why
     # an error has one size, that in the record
     assert not any("times" in step.why.partition("times the noise")[2] for step in found.steps)
     before, after = (step.training.over_floor for step in found.steps)
@@ -215,7 +215,7 @@ def walked(creeping):
             "nothing_missing",
             np.nan,
             np.nan,
-            "No listed effect lowers the error of the training runs any further; n",
+            "No listed effect lowers the error of the training runs any further; it",
         ),
         (
             "unknown_effect",

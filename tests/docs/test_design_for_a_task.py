@@ -50,7 +50,7 @@ def test_the_example_searches_what_the_page_says_and_writes_its_files(reached, w
     told = reached[1]
     assert list(told["best"]["values"]) == ["n", "r", "R", "l", "task.pressure"]
     assert told["evaluations"] == 8
-    named = re.findall(r"^\| `([\w.]+)` \| (?:the study|every|all of it|the page)", PAGE, re.M)
+    named = re.findall(r"^\| `([\w.]+)` \| (?:the study|every|all results|the page)", PAGE, re.M)
     assert len(named) == 4 and all((workplace / "runs/reach" / name).is_file() for name in named)
     best = load_study(workplace / "runs/reach/best.yaml", discover())
     assert best.search is None

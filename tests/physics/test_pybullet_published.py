@@ -108,5 +108,5 @@ def test_what_it_does_not_know_is_refused() -> None:
     assert "found as without it" in (PUBLISHED.preparing(sample_finger(), histories=False) or "")
     assert PLIANT.preparing(sample_finger(), histories=False) is None
     term = LawTerm("moment", dashpot, (0.1,))
-    with pytest.raises(UserError, match="knows no effects"):
+    with pytest.raises(UserError, match="does not support effects"):
         PUBLISHED.build(sample_chain(modules=1).with_(terms=(term,)))

@@ -108,7 +108,7 @@ def test_the_page_lies_beside_the_table(pliant, write, read, workplace, store):
     [
         (["--fields", "taken"], "cannot be written"),
         (["--fields", "vtu", "--fields-of", "fre"], "give extremes, free or all"),
-        (["--fields-of", "all"], "give --fields DIR too"),
+        (["--fields-of", "all"], "give --fields DIR, too"),
     ],
 )
 def test_wrong_options_are_refused_before_any_work(pliant, write, workplace, options, said):
