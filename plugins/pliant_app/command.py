@@ -17,7 +17,7 @@ NEEDED = ("starlette", "uvicorn")
 
 @verb(json=False)
 def app(
-    here: Session,
+    session: Session,
     files: Annotated[
         list[Path] | None,
         typer.Argument(
@@ -42,9 +42,9 @@ def app(
     folder = SessionFolder(session_folder(study, out).absolute())
     check_writable(folder.path)
     with folder.alone():
-        controller = SessionController(folder, here.store.expanduser())
+        controller = SessionController(folder, session.store.expanduser())
         controller.begin(study, data)
-        serve(controller, port, browser, here.say)
+        serve(controller, port, browser, session.say)
 
 
 def _sorted(files: list[Path]) -> tuple[Path | None, list[Path]]:

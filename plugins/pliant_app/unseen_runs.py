@@ -93,7 +93,7 @@ def fit_doubts(
     model: OpenModel,
     ground: Ground,
     begun: Sequence[EffectConfig],
-    found: Extension,
+    extension: Extension,
     without: Mapping[str, Extension],
 ) -> list[str]:
     """Return the doubts about effects that were fitted on the training runs.
@@ -102,13 +102,13 @@ def fit_doubts(
         model: the open model.
         ground: the training runs.
         begun: the effects of the previous model.
-        found: the fit of all kinds.
+        extension: the fit of all kinds.
         without: by kind, the fit of the others; empty for one kind.
     """
-    after = tuple(effect.canonical() for effect in found.effects)
+    after = tuple(effect.canonical() for effect in extension.effects)
     cases: list[tuple[list[str], Residuals, Effects]] = [
         (
-            list(found.kinds),
+            list(extension.kinds),
             ground.residuals(begun),
             tuple(effect.canonical() for effect in begun),
         )
@@ -124,35 +124,35 @@ def fit_doubts(
     ):  # one by one first; all together only if each improves the prediction
         if said and len(kinds) > 1:
             continue
-        left_out = _doubt_left_out(found, kinds, unseen)
+        left_out = _doubt_left_out(extension, kinds, unseen)
         said += left_out
         aside = doubts_aside(model, kinds, before, after, noise)
         said += [one for one in aside if not left_out or "become worse" in one]
-    if found.absent:
-        said.append(f"No strength of {listed(found.absent)} differs from zero in these runs.")
-    if not found.fit.converged:
+    if extension.absent:
+        said.append(f"No strength of {listed(extension.absent)} differs from zero in these runs.")
+    if not extension.fit.converged:
         said.append("The fit did not converge; its values are less reliable.")
     return said
 
 
-def step_doubts(model: OpenModel, found: Improvement) -> list[str]:
+def step_doubts(model: OpenModel, improvement: Improvement) -> list[str]:
     """Return the doubts about the steps that `pliant improve` took, each against the previous step."""
-    if len(found.steps) < 2:
+    if len(improvement.steps) < 2:
         return []
-    plain = [tuple(effect.canonical() for effect in step.effects) for step in found.steps]
+    plain = [tuple(effect.canonical() for effect in step.effects) for step in improvement.steps]
     noise = model.noise(model.predicted(plain[-1]))
     said: list[str] = []
-    for step, before, after in zip(found.steps[1:], plain[:-1], plain[1:], strict=True):
+    for step, before, after in zip(improvement.steps[1:], plain[:-1], plain[1:], strict=True):
         said += doubts_aside(model, step.added, before, after, noise) if step.added else []
     return said
 
 
-def _doubt_left_out(found: Extension, kinds: Sequence[str], unseen: Residuals) -> list[str]:
+def _doubt_left_out(extension: Extension, kinds: Sequence[str], unseen: Residuals) -> list[str]:
     """Return a sentence if runs left out of both fits are not predicted better with these kinds."""
-    floors = _floors(found.noise)
-    if not floors or _earns(prediction_gain(*block_squares((unseen, found.left_out_runs), floors))):
+    floors = _floors(extension.noise)
+    if not floors or _earns(prediction_gain(*block_squares((unseen, extension.left_out_runs), floors))):
         return []
-    was, left = (score(one, found.noise.floors).over_floor for one in (unseen, found.left_out_runs))
+    was, left = (score(one, extension.noise.floors).over_floor for one in (unseen, extension.left_out_runs))
     return [
         f"{listed(kinds)}: runs left out of the fit are not predicted better beyond chance ({was:.2f} → {left:.2f} "
         "times the noise). A smaller fitted error is what any added number gives; take it out again."

@@ -133,11 +133,11 @@ def recording(data: Sequence[str]) -> dict[str, Any] | None:
     }
 
 
-def failing(found: Comparison) -> dict[str, Any]:
+def failing(comparison: Comparison) -> dict[str, Any]:
     """Return where a model fails, in words and as a table."""
     return {
-        "sentence": interpret(found),
-        "runs": {run.name: run.rmse_over_floor for run in found.runs},
+        "sentence": interpret(comparison),
+        "runs": {run.name: run.rmse_over_floor for run in comparison.runs},
         "places": [
             {
                 "condition": place.condition,
@@ -145,16 +145,16 @@ def failing(found: Comparison) -> dict[str, Any]:
                 "readings": place.share_of_samples,
                 "significant": place.significant,
             }
-            for place in found.worst
+            for place in comparison.worst
         ],
         "depends_on": [
             {
-                "words": " × ".join(found.labels.get(p, p) for p in name.split(" × ")),
+                "words": " × ".join(comparison.labels.get(p, p) for p in name.split(" × ")),
                 "share": share,
             }
-            for name, share in list(found.depends_on.items())[:6]
+            for name, share in list(comparison.depends_on.items())[:6]
         ],
-        "remarks": list(found.remarks),
+        "remarks": list(comparison.remarks),
     }
 
 

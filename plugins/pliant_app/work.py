@@ -179,9 +179,9 @@ def _diagnosed(task: ModelWork, study: Study, folder: SessionFolder, key: str) -
     return {"result": plain(result), "files": files}
 
 
-def _next_run(found: Diagnosis) -> str:
+def _next_run(diagnosis: Diagnosis) -> str:
     """Return the run whose file is kept, in words, whatever the verdict says of it."""
-    run = found.next_run
+    run = diagnosis.next_run
     return "" if run is None else f"The run '{run.name}' ({run.minutes:.2g} min): {run.run}; {run.why}."
 
 
@@ -284,13 +284,13 @@ def _small(p: float) -> str:
     return "less than 1 %" if p < 0.01 else whole_percent(p)
 
 
-def _by_kind(found: Diagnosis, had: Collection[str]) -> dict[str, float]:
+def _by_kind(diagnosis: Diagnosis, had: Collection[str]) -> dict[str, float]:
     """Return the probability of each effect to be among the missing ones, without effects that the model `had`.
 
     A hypothesis with one of these means that there is more of it, which says nothing against the present effect.
     """
-    total: dict[str, float] = {kinds[0]: 0.0 for kinds in found.table.rows if len(kinds) == 1}
-    for kinds, p in found.judgement.probability.items():
+    total: dict[str, float] = {kinds[0]: 0.0 for kinds in diagnosis.table.rows if len(kinds) == 1}
+    for kinds, p in diagnosis.judgement.probability.items():
         for kind in kinds:
             total[kind] = total.get(kind, 0.0) + p
     return {kind: p for kind, p in total.items() if kind not in had}
@@ -310,27 +310,27 @@ def _errors(model: OpenModel, before: Effects, after: Effects) -> dict[str, Any]
     }
 
 
-def _estimates(found: Extension) -> list[dict[str, Any]]:
+def _estimates(extension: Extension) -> list[dict[str, Any]]:
     return [
         {
             "name": one.name,
             "kind": one.kind,
             "parameter": one.parameter.name,
-            "value": found.values[one.name],
+            "value": extension.values[one.name],
             "sd": one.sd,
             "low": one.low,
             "high": one.high,
             "words": one.told(display_unit(one.unit)),
             "doubts": list(one.doubts),
         }
-        for one in found.uncertainty.estimates
+        for one in extension.uncertainty.estimates
     ]
 
 
-def _learned(found: LearnedTerm) -> dict[str, Any]:
+def _learned(term: LearnedTerm) -> dict[str, Any]:
     """Return the learned term and its curve with the ends of the data; without a curve over two covariates."""
-    curve = covariate_curve(found)
-    told: dict[str, Any] = {"words": capital(described(found)), "curve": None}
+    curve = covariate_curve(term)
+    told: dict[str, Any] = {"words": capital(described(term)), "curve": None}
     if curve is not None:
         axes = {"over": curve.over.text, "what": curve.what.text}
         lists = {"x": curve.x, "value": curve.value, "half": curve.half}
@@ -343,15 +343,15 @@ def _study_name(model: OpenModel, added: Sequence[str], key: str) -> str:
     return f"{study_name_from_path(model.path)}+{'+'.join(added)[:60]}-{key[-6:]}.yaml"
 
 
-def _rises(found: Improvement) -> list[str]:
-    return [remark for remark in found.remarks if "rose from" in remark or "is still" in remark]
+def _rises(improvement: Improvement) -> list[str]:
+    return [remark for remark in improvement.remarks if "rose from" in remark or "is still" in remark]
 
 
 def _write(
     target: Path,
     model: OpenModel,
     effects: Sequence[EffectConfig],
-    found: Extension | None,
+    extension: Extension | None,
     note: str,
     notes: Mapping[str, str] | None = None,
     learned: LearnedTerm | None = None,
@@ -363,7 +363,7 @@ def _write(
         target,
         study,
         (),
-        found,
+        extension,
         note,
         discover(),
         notes_by_kind=notes,
@@ -382,9 +382,9 @@ def _with_data(draft: StudyDraft, meant: dict[str, Any], model: OpenModel) -> No
     meant["measurements"] = {**(meant.get("measurements") or {}), "file": named if len(files) == 1 else files}
 
 
-def _protocol(folder: SessionFolder, key: str, model: OpenModel, found: Diagnosis) -> str:
+def _protocol(folder: SessionFolder, key: str, model: OpenModel, diagnosis: Diagnosis) -> str:
     """Return the file of the next run; empty where none is proposed."""
-    planned = found.next_run.planned if found.next_run is not None else None
+    planned = diagnosis.next_run.planned if diagnosis.next_run is not None else None
     if planned is None:
         return ""
     notes = model.study.measurements

@@ -50,7 +50,7 @@ NOT_REACHED = 3
 
 @verb()
 def calibrate(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: BenchFile = None,
@@ -62,22 +62,22 @@ def calibrate(
 ) -> None:
     """Fit the material's constants to a tensile test or a free curve, with their uncertainty."""
     begun = time.perf_counter()
-    loaded = here.study(study, overrides)
+    loaded = session.study(study, overrides)
     if data is None:
         raise UserError("name the data: pliant calibrate STUDY.yaml --data CSV.")
     if out is not None:
         check_target(study, out, force)
-    found = calibrate_file(here.context(), loaded, data, test, fit)
-    here.show(calibration_document(loaded.name, found))
-    here.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
+    found = calibrate_file(session.context(), loaded, data, test, fit)
+    session.show(calibration_document(loaded.name, found))
+    session.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
     if found.undetermined:
         if out is not None:
-            here.say("No study was written.")
-        here.exit_code = NOT_REACHED
+            session.say("No study was written.")
+        session.exit_code = NOT_REACHED
     elif out is not None:
-        write_study(study, out, loaded, here.overrides, found, here.installed, full)
-        here.result["out"] = str(out)
-        here.say(f"study    {out}")
+        write_study(study, out, loaded, session.overrides, found, session.installed, full)
+        session.result["out"] = str(out)
+        session.say(f"study    {out}")
 
 
 def write_study(
@@ -85,34 +85,42 @@ def write_study(
     target: Path,
     study: Study,
     overrides: Sequence[str],
-    found: Calibration,
+    calibration: Calibration,
     registry: Registry,
     full: bool = False,
 ) -> None:
     """Write the study with the fitted constants, rounded to six digits."""
     rounded = changed(
-        found.config,
-        found.constants,
-        [parse_quantity(_text(c.value, c.is_modulus), c.unit or "dimensionless") for c in found.constants],
+        calibration.config,
+        calibration.constants,
+        [
+            parse_quantity(_text(c.value, c.is_modulus), c.unit or "dimensionless")
+            for c in calibration.constants
+        ],
     )
     assert rounded is not None
     draft = StudyDraft(source, overrides)
     draft.set(
         ("material", "kind"),
         rounded.kind,
-        f"fitted to {found.data.source} (sha256 {found.data.sha256[:8]}), {found.covered}",
+        f"fitted to {calibration.data.source} (sha256 {calibration.data.sha256[:8]}), {calibration.covered}",
     )
-    for field in dict.fromkeys(c.field for c in found.constants):
+    for field in dict.fromkeys(c.field for c in calibration.constants):
         key, modulus = written_name(type(rounded), field), field.endswith("_pa")
         value = getattr(rounded, field)
         listed = [_written(item, modulus) for item in value] if isinstance(value, tuple) else None
-        sds = zip(found.constants, found.certainty.sd.tolist(), strict=True)
+        sds = zip(calibration.constants, calibration.certainty.sd.tolist(), strict=True)
         shares = [number(sd * (1e-3 if modulus else 1), 2) for c, sd in sds if c.field == field]
         remark = f"{key} ± {', '.join(shares)}{' kPa' * modulus}"
         draft.set(("material", key), listed or _written(value, modulus), remark)
-    if found.volume.poisson_ratio is not None and found.volume.assumption in ("incompressible", "default"):
+    if calibration.volume.poisson_ratio is not None and calibration.volume.assumption in (
+        "incompressible",
+        "default",
+    ):
         draft.set(
-            ("material", "poisson_ratio"), found.volume.poisson_ratio, f"K of FEM; {found.volume.assumption}"
+            ("material", "poisson_ratio"),
+            calibration.volume.poisson_ratio,
+            f"K of FEM; {calibration.volume.assumption}",
         )
     meant = {**study.canonical(), "name": draft.name_after(target), "material": rounded.canonical()}
     draft.write(target, meant, registry, full)

@@ -11,50 +11,52 @@ from pliant_calibrate.result import Calibration
 from pliant_calibrate.volume import Volume
 
 
-def calibration_document(title: str, found: Calibration) -> Document:
+def calibration_document(title: str, calibration: Calibration) -> Document:
     """Return the document of `pliant calibrate`; its JSON by the keys of docs/calibrate_a_material.md."""
-    data, tensile = found.data, found.data.kind == "tensile"
-    constants = list(zip(found.constants, found.certainty.sd.tolist(), strict=True))
+    data, tensile = calibration.data, calibration.data.kind == "tensile"
+    constants = list(zip(calibration.constants, calibration.certainty.sd.tolist(), strict=True))
     rows = [[one.written, *_cells(one.value, sd, one.is_modulus)] for one, sd in constants]
     if len(rows) > 1:
-        rows.append(["shear modulus", *_cells(found.shear_modulus_pa, found.shear_modulus_sd_pa, True)])
-    error = output_unit("nominal_stress_pa" if tensile else data.y_name).text(found.rmse, 3)
-    whole = f"rms error {error}, {percent(found.rmse_of_range)} of the range."
-    shear = {"value": found.shear_modulus_pa, "sd": found.shear_modulus_sd_pa, "unit": "Pa"}
+        rows.append(
+            ["shear modulus", *_cells(calibration.shear_modulus_pa, calibration.shear_modulus_sd_pa, True)]
+        )
+    error = output_unit("nominal_stress_pa" if tensile else data.y_name).text(calibration.rmse, 3)
+    whole = f"rms error {error}, {percent(calibration.rmse_of_range)} of the range."
+    shear = {"value": calibration.shear_modulus_pa, "sd": calibration.shear_modulus_sd_pa, "unit": "Pa"}
     return Document(
         kind="Pliant calibration",
         title=title,
-        sentence=f"{len(data)} rows, {found.covered}; {whole} {found.volume.sentence}{_near(found)}",
+        sentence=f"{len(data)} rows, {calibration.covered}; {whole} {calibration.volume.sentence}{_near(calibration)}",
         data={
             "data": data.source,
             "data_sha256": data.sha256,
             "test": data.kind,
-            "material": found.config.kind,
+            "material": calibration.config.kind,
             "parameters": {c.name: {"value": c.value, "sd": sd, "unit": c.unit} for c, sd in constants},
-            "correlation": found.certainty.correlation,
+            "correlation": calibration.certainty.correlation,
             "shear_modulus": shear,
-            "volume": _volume(found.volume),
-            "nearest": [{"name": n.preset.name, "stiffness_ratio": n.stiffness} for n in found.nearest],
-            "rmse": found.rmse,
+            "volume": _volume(calibration.volume),
+            "nearest": [{"name": n.preset.name, "stiffness_ratio": n.stiffness} for n in calibration.nearest],
+            "rmse": calibration.rmse,
             "rmse_unit": "Pa" if tensile else data.y_name.rpartition("_")[2],
-            "rmse_of_range": found.rmse_of_range,
+            "rmse_of_range": calibration.rmse_of_range,
             "n": len(data),
-            "n_effective": found.certainty.n_effective,
-            "sd_from": found.certainty.source,
+            "n_effective": calibration.certainty.n_effective,
+            "sd_from": calibration.certainty.source,
             "range": {data.x_name: [float(data.x.min()), float(data.x.max())]},
-            "undetermined": [c.name for c in found.undetermined],
-            "converged": found.converged,
-            "fem_states": found.fem_states,
-            "remarks": list(found.remarks),
+            "undetermined": [c.name for c in calibration.undetermined],
+            "converged": calibration.converged,
+            "fem_states": calibration.fem_states,
+            "remarks": list(calibration.remarks),
         },
         brief=(Table("", ["constant", "value", "sd", "unit"], rows),),
-        warnings=tuple(map(Warned, found.remarks)),
+        warnings=tuple(map(Warned, calibration.remarks)),
     )
 
 
-def _near(found: Calibration) -> str:
+def _near(calibration: Calibration) -> str:
     """Return a sentence on the nearest named rubbers, an empty one where none is near."""
-    names = [f"{one.preset.name} ({one.stiffness:.2f} × as stiff)" for one in found.nearest]
+    names = [f"{one.preset.name} ({one.stiffness:.2f} × as stiff)" for one in calibration.nearest]
     return f" Nearest named materials: {', '.join(names)}." if names else ""
 
 

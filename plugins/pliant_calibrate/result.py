@@ -204,38 +204,40 @@ class Calibration:
         return f"{words.label} {number(low * words.factor, 3)} to {words.text(high, 3)}"
 
 
-def calibration_remarks(found: Calibration, scales: Array, touching: float | None, hidden: bool) -> list[str]:
+def calibration_remarks(
+    calibration: Calibration, scales: Array, touching: float | None, hidden: bool
+) -> list[str]:
     """Return the sentences on a calibration.
 
     Args:
-        found: the calibration.
+        calibration: the calibration.
         scales: (k,) sizes of its constants.
         touching: the actuation at which convolutions meet, if they do.
         hidden: whether constants are interchangeable within the error of FEM.
     """
     remarks = []
-    if found.undetermined:
-        remarks.append(_undetermined(found, scales, hidden))
+    if calibration.undetermined:
+        remarks.append(_undetermined(calibration, scales, hidden))
     else:
-        remarks += [*_exchangeable(found), *_near_zero(found)]
-    if found.rmse_of_range > POOR_FIT:
+        remarks += [*_exchangeable(calibration), *_near_zero(calibration)]
+    if calibration.rmse_of_range > POOR_FIT:
         remarks.append(
-            f"The law misses the data by {whole_percent(found.rmse_of_range)} of their range: another law, or a wrong "
-            "unit, geometry or test?"
+            f"The law misses the data by {whole_percent(calibration.rmse_of_range)} of their range: another law, or a "
+            "wrong unit, geometry or test?"
         )
-    if found.certainty.chi2 > 2:
+    if calibration.certainty.chi2 > 2:
         remarks.append(
-            f"The misfit is {number(np.sqrt(found.certainty.chi2), 2)} times the stated sigma; standard deviations are "
-            "widened by that."
+            f"The misfit is {number(np.sqrt(calibration.certainty.chi2), 2)} times the stated sigma; standard "
+            "deviations are widened by that."
         )
-    if not found.converged:
+    if not calibration.converged:
         remarks.append(
             "The fit had not converged when it was stopped: these data hardly separate its constants. Fit fewer terms "
             "or constants (--fit), add a second kind of test, or continue from these values (--out, then calibrate "
             "again)."
         )
     if touching is not None:
-        words = output_unit(found.data.x_name)
+        words = output_unit(calibration.data.x_name)
         remarks.append(
             f"From {words.text(touching, 3)} on convolutions touch, which the FEM does not resolve; leave such rows "
             "out."
@@ -243,17 +245,21 @@ def calibration_remarks(found: Calibration, scales: Array, touching: float | Non
     return remarks
 
 
-def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
-    names = listed([c.written for c in found.undetermined])
-    known, value, sd = _determined(found, scales)
-    if not all(c.is_modulus for c in found.constants) and np.isfinite(found.shear_modulus_sd_pa):
-        known, value, sd = "the shear modulus at rest", found.shear_modulus_pa, found.shear_modulus_sd_pa
+def _undetermined(calibration: Calibration, scales: Array, hidden: bool) -> str:
+    names = listed([c.written for c in calibration.undetermined])
+    known, value, sd = _determined(calibration, scales)
+    if not all(c.is_modulus for c in calibration.constants) and np.isfinite(calibration.shear_modulus_sd_pa):
+        known, value, sd = (
+            "the shear modulus at rest",
+            calibration.shear_modulus_pa,
+            calibration.shear_modulus_sd_pa,
+        )
     advice = (
         "measure the rubber in a uniaxial test (--test uniaxial)"
-        if found.data.kind == "free"
+        if calibration.data.kind == "free"
         else "test at larger stretch or in another mode (column test: equibiaxial, planar)"
     )
-    verb = "is" if len(found.undetermined) == 1 else "are"
+    verb = "is" if len(calibration.undetermined) == 1 else "are"
     only = f"determined is {known} = {with_sd(value, sd, display_unit('Pa'))}" if known else ""
     why = (
         "; a quarter of the modulus shifted from one to the other moves the curve by less than 1 % of its range, the "
@@ -262,34 +268,38 @@ def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
         else ""
     )
     return (
-        f"These data do not determine {names}{' separately' if len(found.undetermined) > 1 else ''}: "
+        f"These data do not determine {names}{' separately' if len(calibration.undetermined) > 1 else ''}: "
         f"{only or 'the effect is below their noise'}, and {names} {verb} free beside it{why}. "
         f"Fit fewer constants (--fit), or {advice}."
     )
 
 
-def _determined(found: Calibration, scales: Array) -> tuple[str, float, float]:
+def _determined(calibration: Calibration, scales: Array) -> tuple[str, float, float]:
     """Return the combination of moduli that the data determine best, its value and standard deviation in Pa."""
-    weights = found.certainty.strongest / scales
-    moduli = np.array([c.is_modulus for c in found.constants])
+    weights = calibration.certainty.strongest / scales
+    moduli = np.array([c.is_modulus for c in calibration.constants])
     if not moduli.any():
         return "", 0.0, 0.0
     largest = float(np.abs(weights[moduli]).max())
     weights = weights / largest
     terms = []
-    for constant, weight in zip(found.constants, weights, strict=True):
+    for constant, weight in zip(calibration.constants, weights, strict=True):
         if constant.is_modulus and abs(weight) >= SMALL_SHARE:
             factor = "" if abs(abs(weight) - 1) < 5e-3 else f"{abs(weight):.2f} "
             terms.append(f"{'−' if weight < 0 else '+'} {factor}{constant.written}")
-    values = np.array([c.value for c in found.constants])
+    values = np.array([c.value for c in calibration.constants])
     text = " ".join(terms).removeprefix("+ ")
-    return text, float(weights[moduli] @ values[moduli]), found.certainty.strongest_sd / largest
+    return text, float(weights[moduli] @ values[moduli]), calibration.certainty.strongest_sd / largest
 
 
-def _exchangeable(found: Calibration) -> list[str]:
+def _exchangeable(calibration: Calibration) -> list[str]:
     remarks = []
-    for i, j in zip(*np.tril_indices(len(found.constants), -1), strict=True):
-        first, second, rho = found.constants[i], found.constants[j], float(found.certainty.correlation[i, j])
+    for i, j in zip(*np.tril_indices(len(calibration.constants), -1), strict=True):
+        first, second, rho = (
+            calibration.constants[i],
+            calibration.constants[j],
+            float(calibration.certainty.correlation[i, j]),
+        )
         if abs(rho) > ALIKE:
             remarks.append(
                 f"{second.written} and {first.written} are strongly correlated in these data (correlation "
@@ -298,12 +308,12 @@ def _exchangeable(found: Calibration) -> list[str]:
     return remarks
 
 
-def _near_zero(found: Calibration) -> list[str]:
-    if len(found.constants) < 2:
+def _near_zero(calibration: Calibration) -> list[str]:
+    if len(calibration.constants) < 2:
         return []
     return [
         f"{c.written} does not differ significantly from zero (± {quantity(sd, 'Pa' if c.is_modulus else '', 2)}): a "
         "law without it fits these data as well."
-        for c, sd in zip(found.constants, found.certainty.sd, strict=True)
+        for c, sd in zip(calibration.constants, calibration.certainty.sd, strict=True)
         if abs(c.value) < 2 * sd
     ]

@@ -22,19 +22,19 @@ def counted(count: Count) -> str:
     return f"{count[0]}/{count[1]}"
 
 
-def good(found: CountComparison) -> str:
+def good(comparison: CountComparison) -> str:
     """Return the error of the shares of success, and the number of conditions in which it exceeds chance."""
     return (
-        f"Shares of success are off by {100 * found.rmse:.0f} percentage points (rms), chance alone gives "
-        f"{100 * found.noise_floor:.0f}; {len(found.disagreeing) or 'none'} of "
-        f"{plural(len(found.conditions), 'condition')} differ{'s' if len(found.disagreeing) == 1 else ''} by more than "
-        "chance"
+        f"Shares of success are off by {100 * comparison.rmse:.0f} percentage points (rms), chance alone gives "
+        f"{100 * comparison.noise_floor:.0f}; {len(comparison.disagreeing) or 'none'} of "
+        f"{plural(len(comparison.conditions), 'condition')} differ{'s' if len(comparison.disagreeing) == 1 else ''} "
+        "by more than chance"
     )
 
 
-def comparison_answers(found: CountComparison) -> Answers:
+def comparison_answers(comparison: CountComparison) -> Answers:
     """Return the answers for a model against counts."""
-    wrong = found.disagreeing
+    wrong = comparison.disagreeing
     missing = "Nothing that these counts show"
     if wrong:
         more_often = [one.error > 0 for one in wrong]
@@ -52,13 +52,13 @@ def comparison_answers(found: CountComparison) -> Answers:
         ]
         more = [f"{len(wrong) - MOST_NAMED} more"] if len(wrong) > MOST_NAMED else []
         missing = f"{side}: {listed([*named_ones, *more])}"
-    trials = {one.simulated[1] for one in found.conditions}
+    trials = {one.simulated[1] for one in comparison.conditions}
     each = f"{min(trials)}" if len(trials) == 1 else f"{min(trials)} to {max(trials)}"
     sure = (
-        f"{found.n_samples} trials counted, {each} simulated for each condition; exact tests, corrected for all "
-        f"conditions; {_repeats(found)}"
+        f"{comparison.n_samples} trials counted, {each} simulated for each condition; exact tests, corrected for all "
+        f"conditions; {_repeats(comparison)}"
     )
-    if found.contradictory:
+    if comparison.contradictory:
         after = REPEATS
     elif wrong:
         after = (
@@ -67,18 +67,18 @@ def comparison_answers(found: CountComparison) -> Answers:
         )
     else:
         after = "No unexplained error; more trials, simulated and counted, would show smaller differences."
-    return answers(good(found), missing, sure, after)
+    return answers(good(comparison), missing, sure, after)
 
 
-def _repeats(found: CountComparison) -> str:
-    if found.contradictory:
-        return f"the sets of {plural(len(found.contradictory), 'condition')} contradict each other"
-    if not found.n_repeated:
+def _repeats(comparison: CountComparison) -> str:
+    if comparison.contradictory:
+        return f"the sets of {plural(len(comparison.contradictory), 'condition')} contradict each other"
+    if not comparison.n_repeated:
         return "no condition was counted twice"
     return "sets of one condition agree"
 
 
-def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict[Kinds, str]) -> Answers:
+def diagnosis_answers(evidence: CountEvidence, judged: CountJudgement, levels: dict[Kinds, str]) -> Answers:
     """Return the answers for a diagnosis of counts.
 
     Args:
@@ -86,9 +86,9 @@ def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict
         levels: the best level of each explanation, in words.
     """
     best = next((kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
-    first = good(found.comparison)
+    first = good(evidence.comparison)
     if best != NOTHING and judged.verdict in ("missing_effect", "ambiguous", "unknown_effect"):
-        first += f"; {len(found.comparisons[best].disagreeing) or 'none'} with {levels[best]}"
+        first += f"; {len(evidence.comparisons[best].disagreeing) or 'none'} with {levels[best]}"
     missing = {
         "missing_effect": f"Most likely {levels.get(judged.selected, '')}",
         "ambiguous": contenders_sentence(judged),
@@ -97,19 +97,17 @@ def diagnosis_answers(found: CountEvidence, judged: CountJudgement, levels: dict
         "not_repeatable": "Not examined: sets of one condition contradict each other",
         "insufficient_data": "Not determined by so few trials",
     }[judged.verdict]
-    return answers(first, missing, _sure(found, judged), _after(judged))
+    return answers(first, missing, _sure(evidence, judged), _after(judged))
 
 
-def _sure(found: CountEvidence, judged: CountJudgement) -> str:
-    trials = (
-        f"{found.comparison.n_samples} trials under {plural(len(found.comparison.conditions), 'condition')}"
-    )
+def _sure(evidence: CountEvidence, judged: CountJudgement) -> str:
+    trials = f"{evidence.comparison.n_samples} trials under {plural(len(evidence.comparison.conditions), 'condition')}"
     if judged.verdict in ("not_repeatable", "insufficient_data"):
         return f"No verdict; {trials}"
     shown = judged.credible[:MOST_NAMED]
     texts = [f"{named(kinds)} {probability_text(judged.probability[kinds])}" for kinds in shown]
     more = [f"{len(judged.credible) - len(shown)} more"] if len(judged.credible) > len(shown) else []
-    return f"Probability: {listed([*texts, *more])}; {len(found.rows)} explanations tried; {trials}"
+    return f"Probability: {listed([*texts, *more])}; {len(evidence.rows)} explanations tried; {trials}"
 
 
 def _after(judged: CountJudgement) -> str:

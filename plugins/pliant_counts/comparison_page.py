@@ -85,36 +85,36 @@ REPEAT_COLUMNS: tuple[Column[ConditionResult], ...] = (
 )
 
 
-def counts_document(title: str, counts: Counts, found: CountComparison) -> Document:
+def counts_document(title: str, counts: Counts, comparison: CountComparison) -> Document:
     """Return the document of `pliant compare` on a file of counts."""
-    stars = f"* more than chance, corrected for looking at {len(found.conditions)} conditions"
-    shown = found.conditions[:CONDITIONS_BRIEF]
-    table = brief_table(CONDITION_COLUMNS, shown, stars if found.disagreeing else "")
-    whole = {column.brief: column.cell((OUTPUT, found), True) for column in TOTAL_COLUMNS}
+    stars = f"* more than chance, corrected for looking at {len(comparison.conditions)} conditions"
+    shown = comparison.conditions[:CONDITIONS_BRIEF]
+    table = brief_table(CONDITION_COLUMNS, shown, stars if comparison.disagreeing else "")
+    whole = {column.brief: column.cell((OUTPUT, comparison), True) for column in TOTAL_COLUMNS}
     last = ["all conditions", *(whole.pop(head, "") for head in table.head[1:])]
     more = (f"{name}: {text}" for name, text in whole.items())
     return Document(
         kind="Pliant: model against counts",
         title=title,
-        sentence=interpret_counts(found),
-        data=counts_json(found),
+        sentence=interpret_counts(comparison),
+        data=counts_json(comparison),
         brief=(Table("", table.head, [*table.rows, last], table.note), *more),
-        answers=comparison_answers(found),
-        warnings=tuple(map(caveat, found.remarks)),
-        draw=lambda: _drawn(found),
+        answers=comparison_answers(comparison),
+        warnings=tuple(map(caveat, comparison.remarks)),
+        draw=lambda: _drawn(comparison),
         footer=f"Counts: {counts.source or 'given in memory'}",
     )
 
 
-def counts_json(found: CountComparison) -> dict[str, Any]:
+def counts_json(comparison: CountComparison) -> dict[str, Any]:
     """Return the contract's keys (`outputs.success`, `runs`, `worst`, `n_samples`), and those of counts."""
     return {
-        "outputs": {OUTPUT: as_json(COUNT_COLUMNS, (OUTPUT, found))},
-        "rmse_over_floor": found.ratio_to_floor,
-        "log_likelihood": found.log_likelihood,
-        "log_likelihood_own": found.log_likelihood_own,
-        "deviance": found.deviance,
-        "interpretation": interpret_counts(found),
+        "outputs": {OUTPUT: as_json(COUNT_COLUMNS, (OUTPUT, comparison))},
+        "rmse_over_floor": comparison.ratio_to_floor,
+        "log_likelihood": comparison.log_likelihood,
+        "log_likelihood_own": comparison.log_likelihood_own,
+        "deviance": comparison.deviance,
+        "interpretation": interpret_counts(comparison),
         "judged": True,
         "runs": [
             {
@@ -124,10 +124,10 @@ def counts_json(found: CountComparison) -> dict[str, Any]:
                 "trials": one.trials,
                 "line": one.line,
             }
-            for result in found.conditions
+            for result in comparison.conditions
             for one in result.condition.sets
         ],
-        "conditions": [as_json(CONDITION_COLUMNS, one) for one in found.conditions],
+        "conditions": [as_json(CONDITION_COLUMNS, one) for one in comparison.conditions],
         "worst": [
             {
                 "condition": one.condition.words,
@@ -136,34 +136,38 @@ def counts_json(found: CountComparison) -> dict[str, Any]:
                 "output": OUTPUT,
                 "significant": one.disagrees,
             }
-            for one in sorted(found.conditions, key=lambda one: -one.deviance)
+            for one in sorted(comparison.conditions, key=lambda one: -one.deviance)
             if one.deviance > 0
         ],
         "repeats": {
-            "conditions": found.n_repeated,
-            "overdispersion": found.overdispersion,
-            "p_overdispersion": found.p_overdispersion,
-            "contradictory": [one.condition.words for one in found.contradictory],
+            "conditions": comparison.n_repeated,
+            "overdispersion": comparison.overdispersion,
+            "p_overdispersion": comparison.p_overdispersion,
+            "contradictory": [one.condition.words for one in comparison.contradictory],
         },
-        "n_samples": found.n_samples,
-        "n_effective": found.n_effective,
-        "remarks": list(found.remarks),
+        "n_samples": comparison.n_samples,
+        "n_effective": comparison.n_effective,
+        "remarks": list(comparison.remarks),
     }
 
 
-def interpret_counts(found: CountComparison) -> str:
+def interpret_counts(comparison: CountComparison) -> str:
     """Return a sentence on the comparison, beginning with contradictions within the counts."""
     sentences = []
-    if found.contradictory:
-        first, *more = found.contradictory
+    if comparison.contradictory:
+        first, *more = comparison.contradictory
         sets = " and ".join(counted((one.successes, one.trials)) for one in first.condition.sets[:NAMED])
         others = f" (and {len(more)} more conditions)" if more else ""
         sentences.append(
             f"The repeats contradict each other: {first.condition.words} gave {sets}{others}, more than chance allows. "
             "Find out what differed between the sets before believing anything about the model."
         )
-    if found.disagreeing:
-        worst, n, of = found.disagreeing[0], len(found.disagreeing), f"of {len(found.conditions)}"
+    if comparison.disagreeing:
+        worst, n, of = (
+            comparison.disagreeing[0],
+            len(comparison.disagreeing),
+            f"of {len(comparison.conditions)}",
+        )
         which = f"{n} {of} conditions differ" if n > 1 else f"One {of} conditions differs"
         sentences.append(
             f"{which} from the model by more than chance. Most: {worst.condition.words}, measured "
@@ -171,12 +175,12 @@ def interpret_counts(found: CountComparison) -> str:
             f"({whole_percent(worst.share_of_error)} of the deviance, z {number(worst.z, 2)})."
         )
     else:
-        fewest = min(one.simulated[1] for one in found.conditions)
+        fewest = min(one.simulated[1] for one in comparison.conditions)
         sentences.append(
             f"No condition differs from the model by more than chance; with {fewest} simulated trials each, smaller "
             "differences would not show."
         )
-    if found.log_likelihood < found.log_likelihood_own:
+    if comparison.log_likelihood < comparison.log_likelihood_own:
         sentences.append(
             "Over all conditions the model predicts these counts worse than an uninformative one."
         )
@@ -194,29 +198,29 @@ def shares_picture(name: str, caption: str, models: Mapping[str, Sequence[Condit
     return Picture(name, caption, chart)
 
 
-def _drawn(found: CountComparison) -> Drawn:
-    shown = found.conditions
+def _drawn(comparison: CountComparison) -> Drawn:
+    shown = comparison.conditions
     if len(shown) > ROWS:
         shown = tuple(sorted(shown, key=lambda one: -one.deviance)[:ROWS])
-    whole = "" if len(shown) == len(found.conditions) else f" The {ROWS} conditions that differ most."
+    whole = "" if len(shown) == len(comparison.conditions) else f" The {ROWS} conditions that differ most."
     caption = (
         "Share of successes by condition: measured and simulated, each with the interval that counting alone gives it. "
         f"Filled model: it differs from the measurement by more than chance, all conditions being looked at.{whole}"
     )
-    totals = "; ".join(f"{column.head} {column.cell((OUTPUT, found))}" for column in TOTAL_COLUMNS)
+    totals = "; ".join(f"{column.head} {column.cell((OUTPUT, comparison))}" for column in TOTAL_COLUMNS)
     note = (
         f"Together: {totals}. The likelihood is beta-binomial, because both sides are finite samples; p is Fisher's "
         "exact test."
     )
-    repeated = [one for one in found.conditions if len(one.condition.sets) > 1]
-    per_freedom = f"χ² per degree of freedom over all repeats: {number(found.overdispersion, 2)}"
+    repeated = [one for one in comparison.conditions if len(one.condition.sets) > 1]
+    per_freedom = f"χ² per degree of freedom over all repeats: {number(comparison.overdispersion, 2)}"
     sets = (
         f"{per_freedom}; 1 is what counting alone gives."
         if repeated
         else "No condition has more than one set: whether the bench repeats is not known."
     )
     tables = (
-        page_table("Condition by condition", CONDITION_COLUMNS, found.conditions[:ROWS], note),
+        page_table("Condition by condition", CONDITION_COLUMNS, comparison.conditions[:ROWS], note),
         page_table("Do the repeats agree?", REPEAT_COLUMNS, repeated[:ROWS], sets),
     )
     return drawn(shares_picture("runs", caption, {"model": shown}), section("Numbers", *tables))

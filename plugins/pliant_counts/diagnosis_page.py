@@ -113,40 +113,42 @@ EVERY_COLUMN = (*HYPOTHESIS_COLUMNS, *SCANNED_COLUMNS)
 
 
 def counts_diagnosis_document(
-    title: str, counts: Counts, found: CountEvidence, judged: CountJudgement, registry: Registry
+    title: str, counts: Counts, evidence: CountEvidence, judged: CountJudgement, registry: Registry
 ) -> Document:
     """Return the document of `pliant diagnose` on a file of counts."""
-    reasons = counts_why(found, judged)
-    shown, which = most_probable(found.probability, HYPOTHESES_BRIEF)
-    rows = [one for one in weighed_hypotheses(found) if one.kinds in shown]
+    reasons = counts_why(evidence, judged)
+    shown, which = most_probable(evidence.probability, HYPOTHESES_BRIEF)
+    rows = [one for one in weighed_hypotheses(evidence) if one.kinds in shown]
     return Document(
         kind="Pliant: which explanation do these counts allow?",
         title=title,
         sentence=judged.sentence,
-        data=counts_diagnosis_json(found, judged, registry),
+        data=counts_diagnosis_json(evidence, judged, registry),
         brief=(brief_table(EVERY_COLUMN, rows, which),),
         answers=diagnosis_answers(
-            found, judged, {kinds: level_text(row) for kinds, row in found.rows.items()}
+            evidence, judged, {kinds: level_text(row) for kinds, row in evidence.rows.items()}
         ),
         points=tuple(reasons),
-        warnings=tuple(map(caveat, found.comparison.remarks)),
+        warnings=tuple(map(caveat, evidence.comparison.remarks)),
         closing=(judged.sentence, *reasons),
-        draw=lambda: _drawn(found),
+        draw=lambda: _drawn(evidence),
         footer=f"Counts: {counts.source or 'given in memory'}",
     )
 
 
-def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry: Registry) -> dict[str, Any]:
+def counts_diagnosis_json(
+    evidence: CountEvidence, judged: CountJudgement, registry: Registry
+) -> dict[str, Any]:
     """Return the contract's keys; the comparison of the present model is under `comparison`."""
-    plain, next_count = found.comparison, judged.next_count
+    plain, next_count = evidence.comparison, judged.next_count
     proposed = next_count and {
         "run": f"more trials of {next_count.condition}",
         "why": "the explanations that are left expect different shares of success there",
         "separates": [[list(kinds) for kinds in next_count.expected]],
         "minutes": None,
     }
-    smallest = [(found.rows[kinds].parameters[0], level) for kinds, level in judged.smallest.items()]
-    unexcited = [found.rows[kinds].parameters[0] for kinds in judged.not_excited]
+    smallest = [(evidence.rows[kinds].parameters[0], level) for kinds, level in judged.smallest.items()]
+    unexcited = [evidence.rows[kinds].parameters[0] for kinds in judged.not_excited]
     excitation = {
         one.name: registry.get("effect", one.kind).implementation_class().notes.excitation
         if one.model
@@ -160,7 +162,7 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
                 **as_json(HYPOTHESIS_COLUMNS, one),
                 **(as_json(SCANNED_COLUMNS, one) if one.row else {"heldout": {}, "rmse_over_floor": None}),
             }
-            for one in weighed_hypotheses(found)
+            for one in weighed_hypotheses(evidence)
         ],
         "not_excited": [
             {"kind": name, "run_that_would_excite_it": run or NEARER} for name, run in excitation.items()
@@ -181,14 +183,14 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
     }
 
 
-def counts_why(found: CountEvidence, judged: CountJudgement) -> list[str]:
+def counts_why(evidence: CountEvidence, judged: CountJudgement) -> list[str]:
     """Return reasons, the level of the best explanation, indistinguishable explanations, and what to count next."""
     lines = list(judged.reasons)
-    best = best_listed(found)
+    best = best_listed(evidence)
     if best is not None and judged.verdict in ("missing_effect", "ambiguous", "unknown_effect"):
-        left = found.comparisons[best].disagreeing
+        left = evidence.comparisons[best].disagreeing
         rest = f"{len(left)} conditions are still wrong" if left else "no condition is wrong beyond chance"
-        lines.append(f"Best of what is listed: {level_text(found.rows[best])}; with it {rest}.")
+        lines.append(f"Best of what is listed: {level_text(evidence.rows[best])}; with it {rest}.")
     for a, b, share in judged.alike[:NAMED]:
         lines.append(f"{named(a)} and {named(b)} move these conditions alike ({whole_percent(share)} apart).")
     if judged.next_count is not None:
@@ -198,9 +200,9 @@ def counts_why(found: CountEvidence, judged: CountJudgement) -> list[str]:
     return lines
 
 
-def best_listed(found: CountEvidence) -> Kinds | None:
+def best_listed(evidence: CountEvidence) -> Kinds | None:
     """Return the most probable explanation that changes something; None without one."""
-    return next((kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN)), None)
+    return next((kinds for kinds in evidence.probability if kinds not in (NOTHING, UNKNOWN)), None)
 
 
 def level_text(row: Explanation) -> str:
@@ -211,36 +213,36 @@ def level_text(row: Explanation) -> str:
     )
 
 
-def weighed_hypotheses(found: CountEvidence) -> list[WeighedCounts]:
+def weighed_hypotheses(evidence: CountEvidence) -> list[WeighedCounts]:
     """Return every hypothesis, the most probable first."""
     return [
         WeighedCounts(
             kinds,
             probability,
-            found.log_evidence[kinds],
-            row := found.rows.get(kinds),
-            found.comparisons.get(kinds),
-            None if row is None else _unseen_rmse(found, row),
+            evidence.log_evidence[kinds],
+            row := evidence.rows.get(kinds),
+            evidence.comparisons.get(kinds),
+            None if row is None else _unseen_rmse(evidence, row),
         )
-        for kinds, probability in found.probability.items()
+        for kinds, probability in evidence.probability.items()
     ]
 
 
-def _unseen_rmse(found: CountEvidence, row: Explanation) -> float:
+def _unseen_rmse(evidence: CountEvidence, row: Explanation) -> float:
     """Return the RMSE of the shares of success of conditions that were not used to choose the level."""
     likelihood = row.log_likelihood.sum(axis=1, keepdims=True) - row.log_likelihood
     weights = np.exp(likelihood - likelihood.max(axis=0))
     s, m = np.moveaxis(np.array(row.simulated, float), 2, 0)
     expected = (weights * s / m).sum(axis=0) / weights.sum(axis=0)
-    measured = np.array([one.measured[0] / one.measured[1] for one in found.comparison.conditions])
+    measured = np.array([one.measured[0] / one.measured[1] for one in evidence.comparison.conditions])
     return float(np.sqrt(np.mean((measured - expected) ** 2)))
 
 
-def _drawn(found: CountEvidence) -> Drawn:
-    best = best_listed(found)
-    models = {"model": found.comparison.conditions[:ROWS]}
+def _drawn(evidence: CountEvidence) -> Drawn:
+    best = best_listed(evidence)
+    models = {"model": evidence.comparison.conditions[:ROWS]}
     if best is not None:
-        models[f"with {level_text(found.rows[best])}"] = found.comparisons[best].conditions[:ROWS]
+        models[f"with {level_text(evidence.rows[best])}"] = evidence.comparisons[best].conditions[:ROWS]
     caption = (
         "Share of successes by condition, each with the interval that counting alone gives it. Filled models differ "
         "from the measurement by more than chance, all conditions being looked at."
@@ -250,5 +252,5 @@ def _drawn(found: CountEvidence) -> Drawn:
         "when the others choose the level. Still wrong: conditions beyond chance at the best level."
     )
     title = "Every hypothesis"
-    table = page_table(title, EVERY_COLUMN, weighed_hypotheses(found), note)
+    table = page_table(title, EVERY_COLUMN, weighed_hypotheses(evidence), note)
     return drawn(shares_picture("changes", caption, models), section(title, table))

@@ -49,31 +49,33 @@ class CountJudgement(Judgement):
     next_count: NextCount | None
 
 
-def judge_counts(found: CountEvidence) -> CountJudgement:
+def judge_counts(evidence: CountEvidence) -> CountJudgement:
     """Return the judgement of the table of evidences."""
-    credible = credible_set(found.probability, BELIEVED)
-    verdict, reasons = _verdict(found)
-    selected = next(iter(found.probability)) if verdict == "missing_effect" else NOTHING
-    best = next((kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
-    smallest = {kinds: _smallest(found, row) for kinds, row in found.rows.items() if len(row.parameters) == 1}
+    credible = credible_set(evidence.probability, BELIEVED)
+    verdict, reasons = _verdict(evidence)
+    selected = next(iter(evidence.probability)) if verdict == "missing_effect" else NOTHING
+    best = next((kinds for kinds in evidence.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
+    smallest = {
+        kinds: _smallest(evidence, row) for kinds, row in evidence.rows.items() if len(row.parameters) == 1
+    }
     return CountJudgement(
         verdict=verdict,
-        probability=found.probability,
+        probability=evidence.probability,
         selected=selected,
         credible=credible,
         reasons=reasons,
-        as_it_is=_excess(found.comparison),
-        best=_excess(found.comparisons[best]),
+        as_it_is=_excess(evidence.comparison),
+        best=_excess(evidence.comparisons[best]),
         not_excited=tuple(kinds for kinds, level in smallest.items() if not np.isfinite(level)),
         smallest={kinds: level for kinds, level in smallest.items() if np.isfinite(level)},
-        alike=_alike(found, credible),
-        next_count=_next(found, credible),
+        alike=_alike(evidence, credible),
+        next_count=_next(evidence, credible),
     )
 
 
-def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
-    plain = found.comparison
-    first = next(iter(found.probability))
+def _verdict(evidence: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
+    plain = evidence.comparison
+    first = next(iter(evidence.probability))
     if plain.contradictory:
         return "not_repeatable", (
             f"Sets of one condition contradict each other ({_named(plain.contradictory)}): a condition changed that no "
@@ -87,20 +89,20 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
     allowed = ("The differences are what counting allows, and nothing listed does better.",)
     if first == NOTHING and not plain.disagreeing:
         return "nothing_missing", allowed
-    if found.probability[first] < BELIEVED:
+    if evidence.probability[first] < BELIEVED:
         return "ambiguous", ()
     if first == UNKNOWN:
         return "unknown_effect", (
             "No listed explanation predicts these counts better than giving each condition a probability of its own.",
         )
-    if left := found.comparisons[first].disagreeing:
+    if left := evidence.comparisons[first].disagreeing:
         what = " + ".join(first) or "the model as it is"
         return "unknown_effect", (
             f"Of what is listed, {what} explains these counts best, and it is wrong beyond chance in {_named(left)}.",
         )
     if first == NOTHING:
         return "nothing_missing", allowed
-    if found.rows[first].unseen.sum() <= found.rows[NOTHING].unseen.sum():
+    if evidence.rows[first].unseen.sum() <= evidence.rows[NOTHING].unseen.sum():
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="conditions"),)
     return "missing_effect", ()
 
@@ -114,9 +116,9 @@ def _named(conditions: Sequence[ConditionResult]) -> str:
     return "; ".join(one.condition.words for one in conditions[:4])
 
 
-def _smallest(found: CountEvidence, row: Explanation) -> float:
+def _smallest(evidence: CountEvidence, row: Explanation) -> float:
     """Return the detectable level nearest to the present value, with as many trials as counted; NaN without one."""
-    plain = found.comparison
+    plain = evidence.comparison
     seen = []
     for levels, counts in zip(row.grid, row.simulated, strict=True):
         p = [
@@ -130,10 +132,10 @@ def _smallest(found: CountEvidence, row: Explanation) -> float:
     return min(seen, key=lambda level: abs(level - present)) if seen else np.nan
 
 
-def _alike(found: CountEvidence, credible: tuple[Kinds, ...]) -> tuple[tuple[Kinds, Kinds, float], ...]:
+def _alike(evidence: CountEvidence, credible: tuple[Kinds, ...]) -> tuple[tuple[Kinds, Kinds, float], ...]:
     """Return similar pairs among the credible ones; the share is 1 − cos² of their changes in the shares of success."""
-    base = found.rows[NOTHING].shares
-    moves = {k: found.rows[k].shares - base for k in credible if k not in (NOTHING, UNKNOWN)}
+    base = evidence.rows[NOTHING].shares
+    moves = {k: evidence.rows[k].shares - base for k in credible if k not in (NOTHING, UNKNOWN)}
     pairs = []
     for number, (a, x) in enumerate(moves.items()):
         for b, y in list(moves.items())[number + 1 :]:
@@ -144,17 +146,17 @@ def _alike(found: CountEvidence, credible: tuple[Kinds, ...]) -> tuple[tuple[Kin
     return tuple(pairs)
 
 
-def _next(found: CountEvidence, credible: tuple[Kinds, ...]) -> NextCount | None:
+def _next(evidence: CountEvidence, credible: tuple[Kinds, ...]) -> NextCount | None:
     """Return the condition with the largest variance of predicted shares over the credible explanations, or None."""
     rivals = [kinds for kinds in credible if kinds != UNKNOWN]
     if len(rivals) < 2:
         return None
-    weights = np.array([found.probability[kinds] for kinds in rivals])
+    weights = np.array([evidence.probability[kinds] for kinds in rivals])
     weights = weights / weights.sum()
-    shares = np.array([found.rows[kinds].shares for kinds in rivals])
+    shares = np.array([evidence.rows[kinds].shares for kinds in rivals])
     scatter = weights @ (shares - weights @ shares) ** 2
     worst = int(np.argmax(scatter))
     if scatter[worst] < WORTH:
         return None
-    words = found.comparison.conditions[worst].condition.words
+    words = evidence.comparison.conditions[worst].condition.words
     return NextCount(words, dict(zip(rivals, shares[:, worst].tolist(), strict=True)))

@@ -28,23 +28,28 @@ STUDYS_WAY = {"kind": "coefficients", "form": "study"}
 
 
 def report_sweep(
-    here: Session, context: RunContext, study: Study, folder: Path, workers: int | None, scheduler: str | None
+    session: Session,
+    context: RunContext,
+    study: Study,
+    folder: Path,
+    workers: int | None,
+    scheduler: str | None,
 ) -> None:
     """Solve the sweep, write its table and index, and print a summary."""
     chosen = workers_or_scheduler(workers, scheduler)
     check_writable(folder)
     run = sweep_study(context, study, executor=chosen)
     write_sweep_table(run, folder / SWEEP_TABLE)
-    here.show(sweep_document(run, study.name, folder / SWEEP_TABLE))
-    index = {"pliant": __version__, "study": study.name, **plain(here.result)}
+    session.show(sweep_document(run, study.name, folder / SWEEP_TABLE))
+    index = {"pliant": __version__, "study": study.name, **plain(session.result)}
     write_atomically(folder / INDEX, json.dumps(index, indent=1, allow_nan=False))
-    here.say(f"table    {folder / SWEEP_TABLE}, designs in {folder / INDEX}")
-    if here.result["failed"] or run.failed() or not run.done():
-        here.exit_code = NotReachedError.exit_code
+    session.say(f"table    {folder / SWEEP_TABLE}, designs in {folder / INDEX}")
+    if session.result["failed"] or run.failed() or not run.done():
+        session.exit_code = NotReachedError.exit_code
 
 
 def fit_meta_model(
-    here: Session,
+    session: Session,
     study: Study,
     count: int | None,
     out: Path | None,
@@ -60,23 +65,25 @@ def fit_meta_model(
     folder = out or Path("runs") / study.name
     if count is not None or out is not None:
         check_writable(folder)
-    context = here.context()
+    context = session.context()
     stage = meta_model_stage(context, study)
-    beside = _beside(here, context, study, stage) if compare else []
+    beside = _beside(session, context, study, stage) if compare else []
     found = designs_to_solve(context, study, stage, count) if count is not None else []
     curve = design_learning_stage(context, stage) if learning and out is not None else None
     inputs: Any = study.canonical()
     fitted = [MetaFitted(stage, curve, found), *map(MetaFitted, beside)]
     document = meta_document(study.name, fitted, inputs)
-    here.show(document, out, stored_meta_page(context, document, fitted, inputs))
+    session.show(document, out, stored_meta_page(context, document, fitted, inputs))
     if found:
         table = folder / TABLE
         write_proposals(found, table)
-        here.result["csv"] = str(table)
-        here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
+        session.result["csv"] = str(table)
+        session.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
 
 
-def _beside(here: Session, context: RunContext, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
+def _beside(
+    session: Session, context: RunContext, study: Study, stage: MetaModelStage
+) -> list[MetaModelStage]:
     """Fit the published form, a network from parameters to the law's coefficients, to the same designs."""
     try:
         config = (
@@ -84,10 +91,10 @@ def _beside(here: Session, context: RunContext, study: Study, stage: MetaModelSt
         )
         other = meta_model_stage(context, study.model_copy(update={"meta_model": config}), stage.solved)
     except (UserError, MissingDependencyError) as error:
-        here.say(f"beside   {STUDYS_WAY['kind']}: {error}")
-        here.result["compared"] = {STUDYS_WAY["kind"]: {"problem": str(error)}}
+        session.say(f"beside   {STUDYS_WAY['kind']}: {error}")
+        session.result["compared"] = {STUDYS_WAY["kind"]: {"problem": str(error)}}
         return []
-    here.result["compared"] = {
+    session.result["compared"] = {
         STUDYS_WAY["kind"]: {"scores": {place: one.as_values() for place, one in other.scores.items()}}
     }
     return [other]

@@ -178,9 +178,13 @@ def reference_state(
     }
 
 
-def _sound(found: Equilibrium, share: float) -> bool:
+def _sound(equilibrium: Equilibrium, share: float) -> bool:
     """Return whether another program can reproduce the state; under its weight alone a chain may leave the data."""
-    return found.converged and found.stable is not False and not (share and found.outside_domain)
+    return (
+        equilibrium.converged
+        and equilibrium.stable is not False
+        and not (share and equilibrium.outside_domain)
+    )
 
 
 def _level(chain: ChainModel, share: float) -> dict[str, float]:

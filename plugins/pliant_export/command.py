@@ -61,7 +61,7 @@ def rest_surface(context: RunContext, study: Study, part: str, scale: float) -> 
 
 @verb()
 def export(
-    here: Session,
+    session: Session,
     study: StudyFile,
     out: Annotated[
         Path,
@@ -101,30 +101,30 @@ def export(
     """
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
-    loaded = here.study(study, overrides)
+    loaded = session.study(study, overrides)
     wanted = (form or out.suffix.removeprefix(".")).lower()
     wanted = FORMATS.get(wanted, wanted)
     if wanted == REACHABLE:
-        _export_reachable(here, loaded, out)
+        _export_reachable(session, loaded, out)
         return
     if wanted == STL:
-        surface = rest_surface(here.context(), loaded, part, scale)
+        surface = rest_surface(session.context(), loaded, part, scale)
         check_writable(out.parent)
         write_stl(surface, out, scale)
-        here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
-        here.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
+        session.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
+        session.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
         return
     if scale != 1.0 or part not in ("chain", "scene") or (part == "scene" and wanted != SCENE):
         raise UserError(
             "--scale and --part module are for STL, --part scene is for MJCF; other files hold the chain in metres."
         )
     if wanted in LAW_FORMATS:
-        _export_law(here, loaded, out, wanted)
+        _export_law(session, loaded, out, wanted)
         return
-    engine = find_writer(here.registry, out, form)
+    engine = find_writer(session.registry, out, form)
     loaded.need("chain", "an export")
     check_writable(out.parent)
-    context = here.context()
+    context = session.context()
     carried = carried_chain(context, loaded, mounted=True)
     if part == "scene":
         files = _write_scene(context, loaded, carried, engine, out)
@@ -133,20 +133,22 @@ def export(
         files = engine.export(carried.chain, out, looks)
         own = _study_engine(context, loaded)
         files += (_write_check(loaded, carried, files, settled_states(carried.chain, own), own.config.kind),)
-    here.result.update({"files": list(files), "format": engine.export_format, "left_out": carried.left_out})
+    session.result.update(
+        {"files": list(files), "format": engine.export_format, "left_out": carried.left_out}
+    )
     beside = [file for file in files[1:] if file.parent == out.parent]
     meshes = [file for file in files if file.parent != out.parent]
-    here.say(f"written  {out}{f' and {len(meshes)} mesh(es) in {meshes[-1].parent}' if meshes else ''}")
+    session.say(f"written  {out}{f' and {len(meshes)} mesh(es) in {meshes[-1].parent}' if meshes else ''}")
     for file in beside:
-        here.say(f"written  {file}")
+        session.say(f"written  {file}")
     if not has_form(carried.chain.laws):
-        here.say(NOT_WRITTEN)
+        session.say(NOT_WRITTEN)
     elif engine.export_format in ACTS:
-        here.say(ACTS[engine.export_format])
+        session.say(ACTS[engine.export_format])
     if carried.chain.mount is not None:
-        here.say(_onto(carried.chain.mount, files))
+        session.say(_onto(carried.chain.mount, files))
     for sentence in carried.sentences:
-        here.say(sentence)
+        session.say(sentence)
 
 
 def _onto(mount: Mount, files: Sequence[Path]) -> str:
@@ -160,7 +162,7 @@ def _onto(mount: Mount, files: Sequence[Path]) -> str:
     )
 
 
-def _export_reachable(here: Session, study: Study, out: Path) -> None:
+def _export_reachable(session: Session, study: Study, out: Path) -> None:
     """Write equilibria over the whole range of the inputs as a table and a picture."""
     from pliant.report.reachable_chart import reachable_chart
     from pliant.report.still import write_still  # matplotlib takes a second to import
@@ -170,12 +172,12 @@ def _export_reachable(here: Session, study: Study, out: Path) -> None:
     study.need("chain", "a reachable set")
     check_writable(out.parent)
     bounds = getattr(study.task, "bounds", None)  # of the task reach
-    inverse = api.inverse(api.OpenStudy(study, here.context()), bounds)
+    inverse = api.inverse(api.OpenStudy(study, session.context()), bounds)
     found, picture = inverse.reachable, out.with_suffix(".png")
     found.write(out)
     write_still(reachable_chart(found, inverse.bounds), picture)
     outside = int(np.count_nonzero(found.inside == 0))
-    here.result.update(
+    session.result.update(
         {
             "files": [out, picture],
             "format": REACHABLE,
@@ -184,11 +186,13 @@ def _export_reachable(here: Session, study: Study, out: Path) -> None:
             "limits_m": found.limits_m,
         }
     )
-    here.say(f"written  {out} ({len(found.actuation)} equilibria)\nwritten  {picture}")
+    session.say(f"written  {out} ({len(found.actuation)} equilibria)\nwritten  {picture}")
     limits = zip("xyz", 1e3 * found.limits_m, strict=True)
-    here.say(f"The tip reaches {', '.join(f'{k} {low:.4g} to {high:.4g} mm' for k, (low, high) in limits)}.")
+    session.say(
+        f"The tip reaches {', '.join(f'{k} {low:.4g} to {high:.4g} mm' for k, (low, high) in limits)}."
+    )
     if outside:
-        here.say(f"{outside} of them lie beyond the data of a law.")
+        session.say(f"{outside} of them lie beyond the data of a law.")
 
 
 def _study_engine(context: RunContext, study: Study) -> PhysicsBackend:
@@ -245,10 +249,10 @@ def _write_scene(
     return (*files, _write_check(study, carried, files, states))
 
 
-def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
+def _export_law(session: Session, study: Study, out: Path, form: str) -> None:
     """Write the law alone; the study needs no chain."""
     check_writable(out.parent)
-    context = here.context()
+    context = session.context()
     carried = carried_chain(context, study, mounted=True) if study.chain is not None else None
     laws = carried.chain.laws if carried else [stages.law.law for stages in build_study_laws(context, study)]
     files = write_laws(laws, out, form)
@@ -264,13 +268,13 @@ def _export_law(here: Session, study: Study, out: Path, form: str) -> None:
         for law, file in zip(dict.fromkeys(laws), files, strict=True)
     ]
     files += tuple(check.write(file) for check, file in zip(checks, files, strict=True))
-    here.result.update({"files": list(files), "format": form, "left_out": left_out})
+    session.result.update({"files": list(files), "format": form, "left_out": left_out})
     for file in files:
-        here.say(f"written  {file}")
+        session.say(f"written  {file}")
     if left_out:
-        here.say(f"Effects that are not in it: {', '.join(left_out)}.")
+        session.say(f"Effects that are not in it: {', '.join(left_out)}.")
     if any(law.states_error for law in laws):
-        here.say(
+        session.say(
             "Of the law's error bar it holds the largest half-width in the domain (90 %), not its shape."
         )
 

@@ -47,7 +47,7 @@ WRITTEN = re.compile(r"best(-.*)?\.yaml")  # studies of found designs
 
 @verb()
 def optimize(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: OutFolder = None,
@@ -56,46 +56,46 @@ def optimize(
     full: Full = False,
 ) -> None:
     """Run the study's search, then check the best design by direct FEM; resumes where it was interrupted."""
-    loaded = here.study(study, overrides)
+    loaded = session.study(study, overrides)
     loaded.need("search", "'pliant optimize'")
     chosen = workers_or_scheduler(workers, scheduler)
     folder = out or Path("runs") / loaded.name
     check_writable(folder)
     if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
         raise UserError(f"the best design would be written over {study}; give another --out.")
-    context = here.context()
+    context = session.context()
     made = search_study(context, loaded, executor=chosen)
-    here.result["study"], here.result["out"] = loaded.name, str(folder)
-    here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-    _write_folder(here, context, made, loaded, folder, full)
+    session.result["study"], session.result["out"] = loaded.name, str(folder)
+    session.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
+    _write_folder(session, context, made, loaded, folder, full)
     if not made.value.best:
         raise nothing_found(made.value)
 
 
 def _write_folder(
-    here: Session, context: RunContext, made: Artifact, study: Study, folder: Path, full: bool
+    session: Session, context: RunContext, made: Artifact, study: Study, folder: Path, full: bool
 ) -> None:
     """Write all files of a search's folder and print the summary; the files of an earlier search are removed."""
     result: SearchResult = made.value
     searched = _last_round(study, result, folder)
     problem = build_search_problem(context, searched)
     engine: str = study_physics(context, study).kind
-    here.show(search_document(study.canonical(), result, engine=engine))
+    session.show(search_document(study.canonical(), result, engine=engine))
     write_history(result, folder / HISTORY)
     exported = copy_exported(result.files, files_folder(context, made), folder)
-    here.result["files"] = [str(file) for file in exported]
+    session.result["files"] = [str(file) for file in exported]
     for old in (folder / BEST, *folder.glob("best-*.yaml")):
         old.unlink(missing_ok=True)
     if result.best:
-        _write_designs(here, folder, study, problem, result, full)
-        here.result["best_study"] = str(folder / BEST)
-        here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
+        _write_designs(session, folder, study, problem, result, full)
+        session.result["best_study"] = str(folder / BEST)
+        session.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
         if not converged(result, study, engine):
-            here.exit_code = NotReachedError.exit_code
+            session.exit_code = NotReachedError.exit_code
     page = write_search_page(folder, study, result, drawn_designs(context, searched, problem, result))
-    here.result["report"] = str(page)
-    here.say(f"report   {page}")
-    write_atomically(folder / RESULT, dumps(plain(here.result), indent=1, allow_nan=False))
+    session.result["report"] = str(page)
+    session.say(f"report   {page}")
+    write_atomically(folder / RESULT, dumps(plain(session.result), indent=1, allow_nan=False))
 
 
 def _last_round(study: Study, result: SearchResult, folder: Path) -> Study:
@@ -111,7 +111,7 @@ def _last_round(study: Study, result: SearchResult, folder: Path) -> Study:
 
 
 def _write_designs(
-    here: Session, folder: Path, study: Study, problem: SearchProblem, result: SearchResult, full: bool
+    session: Session, folder: Path, study: Study, problem: SearchProblem, result: SearchResult, full: bool
 ) -> None:
     """Write best.yaml and, where there are conditions, one study for each of them."""
     named = len(problem.conditions) > 1
@@ -134,7 +134,7 @@ def _write_designs(
         targets = [folder / f"best-{stems[condition]}{alike}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
-            write_best(here.path, target, winner, keys, said, here.overrides, here.installed, full)
+            write_best(session.path, target, winner, keys, said, session.overrides, session.installed, full)
 
 
 OF_A_FRONT = 4

@@ -46,7 +46,7 @@ ViewerKind = Annotated[str, typer.Option("--viewer", metavar="KIND", help="Viewe
 
 @verb()
 def render(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .png, .gif or .mp4.")] = Path(
@@ -75,11 +75,11 @@ def render(
     pixels = _pixels(size, ending)
     view = _view(camera)
     _check_numbers(fps, at_s, seconds, ending)
-    loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
+    loaded = session.study(study, overrides).model_copy(update={"cross_check": ()})
     loaded.need("task", "a picture")
     check_writable(out.parent)
-    context = here.context()
-    drawer = here.registry.get("viewer", viewer)
+    context = session.context()
+    drawer = session.registry.get("viewer", viewer)
     built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
     done = simulate_study(context, loaded)
     started = time.perf_counter()
@@ -91,17 +91,17 @@ def render(
         times = _times(motion, fps, at_s, seconds, ending)
         count = _write_film(context, built, motion, times, pixels, view, fps, out)
     wall_s = time.perf_counter() - started
-    here.result.update({"out": out, "pictures": count, "size": pixels, "wall_s": wall_s})
-    here.say(f"written  {out}   ({count} picture{'s' * (count > 1)}, {count / wall_s:.1f} per second)")
-    _judge(here, done)
+    session.result.update({"out": out, "pictures": count, "size": pixels, "wall_s": wall_s})
+    session.say(f"written  {out}   ({count} picture{'s' * (count > 1)}, {count / wall_s:.1f} per second)")
+    _judge(session, done)
 
 
-def _judge(here: Session, done: StudyRun) -> None:
+def _judge(session: Session, done: StudyRun) -> None:
     result = done.engines[0].result
     if result is not None and (result.not_reached or not result.final.converged):
         why = result.not_reached or "The simulation did not converge."
-        here.progress.note(f"{why} The picture shows where it stopped.")
-        here.exit_code = NOT_CONVERGED
+        session.progress.note(f"{why} The picture shows where it stopped.")
+        session.exit_code = NOT_CONVERGED
 
 
 def _ending(out: Path, backbone: bool) -> str:
@@ -202,7 +202,7 @@ def _write_backbone(done: StudyRun, out: Path) -> None:
 
 @verb(json=False)
 def view(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     replay: Annotated[
@@ -211,11 +211,11 @@ def view(
     viewer: ViewerKind = "mujoco",
 ) -> None:
     """Open a window: move the pressure by a slider, or replay what the task did (scenes always)."""
-    drawer = here.registry.get("viewer", viewer)
+    drawer = session.registry.get("viewer", viewer)
     built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
     built.require_display()
-    loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
-    context = here.context()
+    loaded = session.study(study, overrides).model_copy(update={"cross_check": ()})
+    context = session.context()
     scene = loaded.task is not None and isinstance(context.build("task", loaded.task), SceneTask)
     if replay or scene:
         built.show(run_motion(context, simulate_study(context, loaded)))

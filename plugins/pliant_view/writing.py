@@ -41,7 +41,7 @@ def fields_writer(folder: Path, which: str) -> Callable[..., None]:
 
 
 def write_fields(
-    here: Session,
+    session: Session,
     context: RunContext,
     study: Study,
     artifacts: Sequence[Artifact],
@@ -61,8 +61,8 @@ def write_fields(
         )
         with closing(solved), writing_in(folder):  # type: ignore[type-var]
             made += _write_states(folder, data, solved)
-    here.result["fields"] = [str(path) for path in made]
-    here.say(
+    session.result["fields"] = [str(path) for path in made]
+    session.say(
         f"fields   {sum(p.suffix == '.vtu' for p in made)} states in {target}; open free.pvd in ParaView"
     )
 

@@ -13,13 +13,13 @@ from pliant.report.self_check import self_check_document
 
 @verb()
 def doctor(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: Annotated[Path | None, report_folder("doctor")] = None,
 ) -> None:
     """Check a study's magnitudes, law, rest pose, engines, keys and defaults; what is doubtful comes first."""
-    loaded, context = here.study(study, overrides), here.context()
+    loaded, context = session.study(study, overrides), session.context()
     folder = out or Path("runs") / f"{loaded.name}-doctor"
     check_writable(folder)
-    here.show(self_check_document(loaded.name, self_check(context, loaded)), folder)
+    session.show(self_check_document(loaded.name, self_check(context, loaded)), folder)

@@ -56,7 +56,7 @@ MODULES = ("pliant.report.diagnosis", "pliant.diagnosis.diagnosis", __name__)
 
 @verb()
 def compare(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
@@ -65,26 +65,26 @@ def compare(
     scheduler: Scheduler = None,
 ) -> None:
     """Compare the model with measurements: errors, noise floor, where it fails."""
-    loaded = here.study(study, overrides)
-    opened = api.OpenStudy(loaded, here.context())
+    loaded = session.study(study, overrides)
+    opened = api.OpenStudy(loaded, session.context())
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     folder = out or Path("runs") / f"{loaded.name}-compare"
-    if (other := _other_data(here, loaded, data)) is not None:
+    if (other := _other_data(session, loaded, data)) is not None:
         check_writable(folder)
-        here.show(other.compare(opened.context, who)[1](), folder)
+        session.show(other.compare(opened.context, who)[1](), folder)
         return
-    measurement = read_session_measurement(here, opened, data)
+    measurement = read_session_measurement(session, opened, data)
     predictor = api.predictor(opened, measurement)
     check_writable(folder)
     predicted, comparison = compare_model(predictor)
-    here.measured(loaded, measurement)
+    session.measured(loaded, measurement)
     bands, remark = study_bands(opened.context, loaded, measurement)
-    here.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
+    session.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
 
 
 @verb()
 def diagnose(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
@@ -97,30 +97,30 @@ def diagnose(
     scheduler: Scheduler = None,
 ) -> None:
     """Diagnose which physical effect is missing, with its probability, and what to measure next."""
-    loaded = here.study(study, overrides)
-    here.leave_out_broken_effects()
-    opened = api.OpenStudy(loaded, here.context())
+    loaded = session.study(study, overrides)
+    session.leave_out_broken_effects()
+    opened = api.OpenStudy(loaded, session.context())
     context = opened.context
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
-    if (other := _other_data(here, loaded, data)) is not None:
+    if (other := _other_data(session, loaded, data)) is not None:
         candidates = other.candidates(context.registry, effect)
         check_writable(folder)
-        here.show(other.diagnose(context, candidates, who)[1](), folder if page else None)
+        session.show(other.diagnose(context, candidates, who)[1](), folder if page else None)
         return
-    kinds = candidate_kinds(here.registry, effect or None)
-    measurement = read_session_measurement(here, opened, data)
+    kinds = candidate_kinds(session.registry, effect or None)
+    measurement = read_session_measurement(session, opened, data)
     check_writable(folder)
 
     def answer() -> tuple[Document, dict[str, str]]:
-        with fitting_bar(here.progress, len(kinds)) as bar:
+        with fitting_bar(session.progress, len(kinds)) as bar:
             found = api.diagnose(opened, measurement, kinds=kinds, tick=bar.tick, workers=who)
         planned = found.next_run.planned if found.next_run is not None else None
         runs = [(NEXT_RUN, planned)] if planned is not None else []
         files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
         file = files[0] if files else None
         document = diagnosis_document(
-            name, measurement, found, here.registry, asked=effect or (), next_file=file
+            name, measurement, found, session.registry, asked=effect or (), next_file=file
         )
         return document, {NEXT_RUN: Path(file).read_text(encoding="utf-8")} if file else {}
 
@@ -131,24 +131,24 @@ def diagnose(
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     for file, text in stored.files.items():
         write_atomically(folder / file, text)
-    here.measured(loaded, measurement)
-    here.show(stored.document, folder if page else None, stored)
+    session.measured(loaded, measurement)
+    session.show(stored.document, folder if page else None, stored)
 
 
 def read_session_measurement(
-    here: Session, opened: api.OpenStudy, data: Sequence[Path] | None
+    session: Session, opened: api.OpenStudy, data: Sequence[Path] | None
 ) -> Measurement:
     """Return the study's measurement, or that of `data`; from here on quantities are shown in its file's units."""
     measurement = api.read_measurement(opened, data)
-    here.until_end.enter_context(displayed_in(units_as_written(measurement)))
+    session.until_end.enter_context(displayed_in(units_as_written(measurement)))
     return measurement
 
 
-def _other_data(here: Session, study: Study, data: Sequence[Path] | None) -> MeasuredData | None:
+def _other_data(session: Session, study: Study, data: Sequence[Path] | None) -> MeasuredData | None:
     """Return the study's data if a package compares and diagnoses their kind; None for readings."""
     other = open_data(study, data or None)
     if other is not None:
-        here.measured(study, other)
+        session.measured(study, other)
     return other
 
 

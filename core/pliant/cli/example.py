@@ -15,7 +15,7 @@ from pliant.examples_shipped import EXAMPLES, copy_example
 
 @verb(store=False)
 def example(
-    here: Session,
+    session: Session,
     name: Annotated[str, typer.Argument(metavar="NAME", help=", ".join(EXAMPLES))],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="By default ./NAME.")] = None,
 ) -> None:
@@ -28,6 +28,6 @@ def example(
     if there := [str(target / file) for file in files if (target / file).exists()]:
         raise UserError(f"{' and '.join(there)}: there already; choose another --out folder.")
     for file in copy_example(name, target):
-        here.say(str(target / file))
-    here.result["files"] = [str(target / file) for file in files]
-    here.say(f"\nnext: pliant {command} {target / files[0]}")
+        session.say(str(target / file))
+    session.result["files"] = [str(target / file) for file in files]
+    session.say(f"\nnext: pliant {command} {target / files[0]}")

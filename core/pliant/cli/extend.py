@@ -33,7 +33,7 @@ NOT_REACHED = 3
 
 @verb()
 def extend(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     effect: Effects = None,
@@ -44,35 +44,35 @@ def extend(
     full: Full = False,
 ) -> None:
     """Fit an effect and write a new study that contains it, with its uncertainty; comments are kept."""
-    loaded = here.study(study, overrides)
-    kinds = _kinds(here, loaded, effect, refit)
+    loaded = session.study(study, overrides)
+    kinds = _kinds(session, loaded, effect, refit)
     target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
     check_target(study, target, force)
-    opened = api.OpenStudy(loaded, here.context())
-    measurement = read_session_measurement(here, opened, data)
+    opened = api.OpenStudy(loaded, session.context())
+    measurement = read_session_measurement(session, opened, data)
     found = api.extend(opened, kinds, measurement)
-    here.measured(loaded, measurement)
-    here.result["out"] = None
-    here.show(extension_document(loaded.name, measurement, found, here.registry))
+    session.measured(loaded, measurement)
+    session.result["out"] = None
+    session.show(extension_document(loaded.name, measurement, found, session.registry))
     if found.absent:
-        here.exit_code = NOT_REACHED
+        session.exit_code = NOT_REACHED
         return
     note = origin(found, measurement)
     write_extended_study(
-        study, target, loaded, here.overrides, found, note, here.installed, data=data, full=full
+        study, target, loaded, session.overrides, found, note, session.installed, data=data, full=full
     )
-    here.result["out"] = str(target)
-    here.say(f"study    {target}")
+    session.result["out"] = str(target)
+    session.say(f"study    {target}")
 
 
-def _kinds(here: Session, study: Study, effect: list[str] | None, refit: bool) -> list[str]:
+def _kinds(session: Session, study: Study, effect: list[str] | None, refit: bool) -> list[str]:
     if not effect:
         raise UserError(
             f"name the effect: pliant extend STUDY.yaml --effect KIND. 'pliant diagnose' says which; there are "
-            f"{', '.join(candidate_kinds(here.registry))}."
+            f"{', '.join(candidate_kinds(session.registry))}."
         )
-    fitted = candidate_kinds(here.registry)
+    fitted = candidate_kinds(session.registry)
     return [
         *(one.kind for one in study.effects if refit and one.kind in fitted),
-        *candidate_kinds(here.registry, effect),
+        *candidate_kinds(session.registry, effect),
     ]

@@ -70,7 +70,7 @@ Next = Annotated[
 
 @verb()
 def fit(
-    here: Session,
+    session: Session,
     source: Source,
     overrides: Overrides = None,
     kind: Kind = None,
@@ -87,38 +87,38 @@ def fit(
             )
         if next_designs is not None:
             raise UserError(f"--next is for a study with a 'meta_model' block, and {source} is a table.")
-        fit_table(here, source, kind or DEFAULT_SURROGATE, compare, out, learning)
+        fit_table(session, source, kind or DEFAULT_SURROGATE, compare, out, learning)
         return
-    loaded = here.study(source, overrides, uses=["sweep"] if next_designs is not None else [])
+    loaded = session.study(source, overrides, uses=["sweep"] if next_designs is not None else [])
     swept = loaded.block("meta_model") is not None
     if not swept and next_designs is not None:
         raise UserError(f"--next is for a study with a 'meta_model' block; '{loaded.name}' has none.")
     if swept and kind is None:
         fit_meta_model = package_function("fit_meta_model", "pliant_designs")
-        fit_meta_model(here, loaded, next_designs, out, learning, compare)
+        fit_meta_model(session, loaded, next_designs, out, learning, compare)
         return
     if kind is not None or compare:
         name = "--kind" if kind is not None else "--compare"
         hint = f": say 'surrogate.kind={kind}'" if kind is not None else ""
         raise UserError(f"{name} is for a table such as fem.csv, and {source} is a study{hint}.")
-    _fit_study(here, loaded, out, learning)
+    _fit_study(session, loaded, out, learning)
 
 
-def _fit_study(here: Session, loaded: Study, out: Path | None, learning: bool) -> None:
+def _fit_study(session: Session, loaded: Study, out: Path | None, learning: bool) -> None:
     """Fit the law of each distinct design of a study; with `out` write the page of the fit."""
     if out is not None:
         check_writable(out)
-    context = here.context()
+    context = session.context()
     designs = build_study_laws(context, loaded)
     shown = [d for d in designs if out is not None or d.law.report is not None]
     fitted = fitted_designs(context, shown, learning and out is not None)
     inputs = loaded.canonical()
     document = laws_document(loaded.name, designs, fitted, inputs)
-    here.show(document, out, stored_fit_page(context, document, fitted, inputs))
+    session.show(document, out, stored_fit_page(context, document, fitted, inputs))
 
 
 def fit_table(
-    here: Session,
+    session: Session,
     source: Path,
     kind: str,
     compare: bool,
@@ -129,7 +129,7 @@ def fit_table(
     if out is not None:
         _check_free(source, kind, out)
         check_writable(out)
-    context = here.context()
+    context = session.context()
     try:
         stages, own = _fitted(context, source, kind, learning and out is not None)
     except UserError:
@@ -138,20 +138,20 @@ def fit_table(
         raise
     fitted, problems = [own], {}
     if compare:
-        here.note_left_out("surrogate")
-    for other in here.registry.kinds("surrogate") if compare else ():
+        session.note_left_out("surrogate")
+    for other in session.registry.kinds("surrogate") if compare else ():
         try:
-            with blamed_on(here.registry.get("surrogate", other), "fit"):
+            with blamed_on(session.registry.get("surrogate", other), "fit"):
                 fitted += [_fitted(context, source, other, False)[1]] if other != kind else []
         except (UserError, MissingDependencyError) as error:
             problems[other] = str(error)
     document = table_document(source, stages, fitted, problems)
     if out is None:
-        here.show(document)
+        session.show(document)
         return
-    here.result.update(document.data)
-    document = replace(document, brief=(*document.brief, _write_study(here, source, kind, own.law, out)))
-    here.show(document, out, stored_fit_page(context, document, fitted[:1], {}, fitted))
+    session.result.update(document.data)
+    document = replace(document, brief=(*document.brief, _write_study(session, source, kind, own.law, out)))
+    session.show(document, out, stored_fit_page(context, document, fitted[:1], {}, fitted))
 
 
 def _fitted(context: RunContext, source: Path, kind: str, learning: bool) -> tuple[DesignStages, ReportedLaw]:
@@ -169,14 +169,14 @@ def _check_free(source: Path, kind: str, out: Path) -> None:
         raise UserError(f"{study} is there already, of another law; give another --out.")
 
 
-def _write_study(here: Session, source: Path, kind: str, law: JointLaw, out: Path) -> str:
+def _write_study(session: Session, source: Path, kind: str, law: JointLaw, out: Path) -> str:
     """Write the study, unless it exists already, and the result; returns the line that reports it."""
     study = out / STUDY
     kept = study.exists()
     if not kept:
         write_atomically(study, _study_text(source, kind, law, out))
-    write_atomically(out / RESULT, json.dumps(plain(here.result), indent=1, allow_nan=False) + "\n")
-    here.result["study"] = str(study)
+    write_atomically(out / RESULT, json.dumps(plain(session.result), indent=1, allow_nan=False) + "\n")
+    session.result["study"] = str(study)
     what = "kept as it was;" if kept else "set the chain's measures in it, then"
     return f"study    {study}: {what} 'pliant run {study}'"
 

@@ -19,7 +19,7 @@ FILES = typer.Argument(metavar="FILE... [KEY=VALUE]...", help="The recording, an
 
 @verb(store=False)
 def import_(
-    here: Session,
+    session: Session,
     files: Annotated[list[str], FILES],
     study: Annotated[Path | None, typer.Option(metavar="BASE.yaml", help="What --out extends.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="NEW.yaml", help="Write a study with it.")] = None,
@@ -32,11 +32,11 @@ def import_(
     measurement, document = api.read(paths, notes)
     folder = report or Path("runs") / f"{_plain_name(paths[0])}-import"
     check_writable(folder)
-    here.show(document, folder)
+    session.show(document, folder)
     if out is not None:
-        write_study(out, measurement, document.data["measurements"], study, here.installed)
-        here.result["study"] = str(out)
-        here.say(f"study    {out}")
+        write_study(out, measurement, document.data["measurements"], study, session.installed)
+        session.result["study"] = str(out)
+        session.say(f"study    {out}")
 
 
 def _plain_name(path: Path | str) -> str:

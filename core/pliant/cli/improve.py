@@ -49,7 +49,7 @@ NamedOnly = Annotated[
 
 @verb()
 def improve(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
@@ -64,17 +64,17 @@ def improve(
     named_only: NamedOnly = False,
 ) -> None:
     """Compare, diagnose and extend until the noise floor or until no step is justified; errors are on held-out data."""
-    loaded = here.study(study, overrides)
-    here.leave_out_broken_effects()
+    loaded = session.study(study, overrides)
+    session.leave_out_broken_effects()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
-    kinds = candidate_kinds(here.registry, effect or None)
+    kinds = candidate_kinds(session.registry, effect or None)
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
-    opened = api.OpenStudy(loaded, here.context())
-    measurement = read_session_measurement(here, opened, data)
+    opened = api.OpenStudy(loaded, session.context())
+    measurement = read_session_measurement(session, opened, data)
     check_writable(folder)
-    with fitting_bar(here.progress, len(kinds)) as bar:
+    with fitting_bar(session.progress, len(kinds)) as bar:
         found = api.improve(
             opened,
             measurement,
@@ -84,8 +84,8 @@ def improve(
             tick=bar.tick,
             workers=who,
         )
-    here.measured(loaded, measurement)
-    here.result["final_study"] = str(study)
+    session.measured(loaded, measurement)
+    session.result["final_study"] = str(study)
     written = found.final is not None or found.learned is not None
     if written:
         notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
@@ -93,15 +93,17 @@ def improve(
             study,
             target,
             loaded,
-            here.overrides,
+            session.overrides,
             found.final,
             origin(found, cited(measurement)),
-            here.installed,
+            session.installed,
             notes_by_kind=notes,
             learned=found.learned,
             data=data,
             full=full,
         )
-        here.result["final_study"] = str(target)
-    here.say(f"study    {target}" if written else "No study was written.")
-    here.show(improvement_document(loaded.name, measurement, found, here.registry, effect or ()), folder)
+        session.result["final_study"] = str(target)
+    session.say(f"study    {target}" if written else "No study was written.")
+    session.show(
+        improvement_document(loaded.name, measurement, found, session.registry, effect or ()), folder
+    )

@@ -92,8 +92,8 @@ def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]
         def call(**given: Any) -> None:
             own_store, target = given.pop("store", DEFAULT_STORE), given.pop("json", None)
             name = function.__name__.rstrip("_").replace("_", "-")  # `import_`: `import` is a Python keyword
-            with session(name, target, given.pop("quiet"), own_store) as here:
-                function(here, **given)
+            with session(name, target, given.pop("quiet"), own_store) as opened_session:
+                function(opened_session, **given)
 
         call.__name__, call.__doc__, call.__module__ = (
             function.__name__,

@@ -35,7 +35,7 @@ Folder = Annotated[
 
 @verb()
 def plan(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
@@ -47,29 +47,29 @@ def plan(
     scheduler: Scheduler = None,
 ) -> None:
     """Propose the next runs: with data those that decide between the remaining explanations, else a protocol."""
-    loaded = here.study(study, overrides)
-    here.leave_out_broken_effects()
+    loaded = session.study(study, overrides)
+    session.leave_out_broken_effects()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     check_budget(runs, minutes)
     folder = out or Path("runs") / f"{loaded.name}-plan"
     check_writable(folder)
-    opened = api.OpenStudy(loaded, here.context())
-    kinds = candidate_kinds(here.registry, effect or None)
-    here.result |= {"study": loaded.name, "out": str(folder)}
+    opened = api.OpenStudy(loaded, session.context())
+    kinds = candidate_kinds(session.registry, effect or None)
+    session.result |= {"study": loaded.name, "out": str(folder)}
     if not data and loaded.measurements is None:
         first = api.plan_first_runs(opened, kinds=kinds, runs=runs, minutes=minutes)
         named = _named([(f"{n}_{run.name}", run) for n, run in enumerate(first.chosen, 1)])
         files = write_runs(folder, named, first.outputs, study, loaded)
-        here.show(design_document(loaded.name, first.design, files, here.registry))
+        session.show(design_document(loaded.name, first.design, files, session.registry))
         return
-    measurement = read_session_measurement(here, opened, data)
-    with fitting_bar(here.progress, len(kinds)) as bar:
+    measurement = read_session_measurement(session, opened, data)
+    with fitting_bar(session.progress, len(kinds)) as bar:
         found = api.plan(
             opened, measurement, kinds=kinds, runs=runs, minutes=minutes, tick=bar.tick, workers=who
         )
     planned = [(f"{k}_{one.name}", one.planned) for k, one in enumerate(found.chosen, 1) if one.planned]
     files = write_runs(folder, _named(planned), measurement.outputs, study, loaded, measurement, data)
-    here.show(plan_document(loaded.name, measurement, found, files, here.registry))
+    session.show(plan_document(loaded.name, measurement, found, files, session.registry))
 
 
 def _named(runs: Sequence[tuple[str, PlannedRun]]) -> list[tuple[str, PlannedRun]]:

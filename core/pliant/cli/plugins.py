@@ -54,7 +54,7 @@ EXAMPLES = {
 
 @verb(store=False)
 def plugins(
-    here: Session,
+    session: Session,
     study: Annotated[
         Path | None, typer.Argument(metavar="[STUDY.yaml]", help="List its own `plugins` files too.")
     ] = None,
@@ -62,13 +62,13 @@ def plugins(
 ) -> None:
     """List what is installed, what misses a package, and what failed to load."""
     if study is not None:
-        here.study(study, None)
-    here.registry = with_files(here.registry, file or ())
+        session.study(study, None)
+    session.registry = with_files(session.registry, file or ())
     table = Table("interface", "kind", "package", "what it is", box=None, pad_edge=False)
     rows = []
     for interface in interfaces():
-        here.registry = without_unusable(here.registry, interface)
-        for component in here.registry.by_interface(interface):
+        session.registry = without_unusable(session.registry, interface)
+        for component in session.registry.by_interface(interface):
             missing = component.missing(lazy=True)
             part = "" if component.missing() else " for part of its work"
             state = f"needs {missing}{part}: {component.install}" if missing else ""
@@ -89,17 +89,17 @@ def plugins(
     verbs = [{"name": one.name, "package": one.package, "summary": one.help.split("\n")[0]} for one in added]
     for verb_row in verbs:
         table.add_row("command", verb_row["name"], verb_row["package"], verb_row["summary"])
-    here.say(table)
-    failures = [vars(failure) for failure in here.registry.failures]
+    session.say(table)
+    failures = [vars(failure) for failure in session.registry.failures]
     for failure in failures:
         line = f"{failure['name']} ({failure['package']}): {failure['cause']}"
-        here.say(Text.assemble(("failed", "red"), f"   {line}"))
-    here.result.update({"components": rows, "commands": verbs, "failed": failures})
+        session.say(Text.assemble(("failed", "red"), f"   {line}"))
+    session.result.update({"components": rows, "commands": verbs, "failed": failures})
 
 
 @verb(store=False)
 def check(
-    here: Session,
+    session: Session,
     interface: Annotated[str, typer.Argument(metavar="INTERFACE", help=", ".join(interfaces()))],
     kind: Annotated[str, typer.Argument(metavar="KIND", help="The plugin's kind.")],
     config: Annotated[
@@ -115,27 +115,27 @@ def check(
     """Run the conformance suite of an interface on a plugin."""
     from pliant.testing import run_checks
 
-    here.registry = with_files(here.registry, file or ())
+    session.registry = with_files(session.registry, file or ())
     known = interfaces()
     if interface not in known:
         raise UserError(
             f"unknown interface '{interface}'{closest(interface, known)} Interfaces: {', '.join(known)}."
         )
-    component, changes = here.registry.get(interface, kind), parse_block(config or ())
-    outcomes = run_checks(component, here.progress, changes=changes, clauses=clause or ())
+    component, changes = session.registry.get(interface, kind), parse_block(config or ())
+    outcomes = run_checks(component, session.progress, changes=changes, clauses=clause or ())
     marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
     for (status, message), alike in groupby(outcomes, key=lambda o: (o.status, o.message)):
         group = list(alike)
         names = [f"{one.name}  {_time(one.wall_s)}".rstrip() for one in group]
         many = status == "skipped" and len(names) > 1  # by one cause, whose line stays visible
         for name in [f"{len(names)} checks"] if many else names:
-            here.say(f"{marks[status]}  {name}", markup=True)
+            session.say(f"{marks[status]}  {name}", markup=True)
         if message:
-            here.say(f"           {message}")
+            session.say(f"           {message}")
     counts = {state: sum(o.status == state for o in outcomes) for state in marks}
     total = seconds(sum(o.wall_s for o in outcomes))
-    here.say(", ".join(f"{count} {state}" for state, count in counts.items()) + f"; {total}")
-    here.result.update(
+    session.say(", ".join(f"{count} {state}" for state, count in counts.items()) + f"; {total}")
+    session.result.update(
         {
             "interface": interface,
             "kind": kind,
@@ -147,7 +147,7 @@ def check(
         }
     )
     if counts["failed"]:
-        here.exit_code = CHECK_FAILED
+        session.exit_code = CHECK_FAILED
 
 
 def _time(wall_s: float) -> str:
@@ -157,21 +157,21 @@ def _time(wall_s: float) -> str:
 
 @verb(store=False)
 def schema(
-    here: Session,
+    session: Session,
 ) -> None:
     """Print the JSON schema of a study under the installed plugins, for editors."""
-    here.note_left_out(*interfaces())
-    for origin in without_schema(here.registry):
-        here.progress.note(f"left out: the config of {origin} has no JSON schema.")
-    made = study_schema(here.registry)
-    if here.json_target is None and not here.quiet:
+    session.note_left_out(*interfaces())
+    for origin in without_schema(session.registry):
+        session.progress.note(f"left out: the config of {origin} has no JSON schema.")
+    made = study_schema(session.registry)
+    if session.json_target is None and not session.quiet:
         typer.echo(json.dumps(made, indent=1))
-    here.result["schema"] = made
+    session.result["schema"] = made
 
 
 @verb(store=False)
 def new_plugin(
-    here: Session,
+    session: Session,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the package, e.g. my-finger.")],
     interface: Annotated[
         str, typer.Option("--interface", help=f"What it shall fill: {', '.join(EXAMPLES)}.")
@@ -180,10 +180,10 @@ def new_plugin(
 ) -> None:
     """Write a third-party package that works and passes its own tests as generated."""
     files = create_package(name, out, interface)
-    here.result["files"] = [str(path) for path in files]
+    session.result["files"] = [str(path) for path in files]
     for path in files:
-        here.say(str(path))
-    here.say(f"\nnext: pip install -e '{out / name}[test]' && pytest {out / name}")
+        session.say(str(path))
+    session.say(f"\nnext: pip install -e '{out / name}[test]' && pytest {out / name}")
 
 
 @dataclass(frozen=True)

@@ -165,8 +165,8 @@ def session(command: str, json_target: str | None, quiet: bool, store: Path) -> 
         raise typer.Exit(here.exit_code)
 
 
-def _stop(here: Session) -> NoReturn:
-    here.err.print("interrupted; finished work is kept, run the same command to continue.")
+def _stop(session: Session) -> NoReturn:
+    session.err.print("interrupted; finished work is kept, run the same command to continue.")
     raise typer.Exit(INTERRUPTED) from None
 
 
@@ -204,15 +204,15 @@ def check_writable(folder: Path) -> None:
         raise UserError(f"{name} cannot be written ({cause}); choose another folder.") from None
 
 
-def _write_json(here: Session) -> None:
-    if here.json_target is None:
+def _write_json(session: Session) -> None:
+    if session.json_target is None:
         return
-    data = {"pliant": __version__, "command": here.command, **here.result}
+    data = {"pliant": __version__, "command": session.command, **session.result}
     text = json.dumps(plain(data), indent=1, allow_nan=False)
-    if here.json_target == "-":
+    if session.json_target == "-":
         sys.stdout.write(text + "\n")
         return
-    path = Path(here.json_target)
+    path = Path(session.json_target)
     try:
         if path.exists() and not path.is_file():  # /dev/null, a pipe: written to, never replaced
             path.write_text(text + "\n", encoding="utf-8")

@@ -51,7 +51,7 @@ Out = Annotated[
 
 @verb()
 def store(
-    here: Session,
+    session: Session,
     verify: Verify = False,
     older: Older = None,
     most: Most = None,
@@ -60,56 +60,56 @@ def store(
     out: Out = None,
 ) -> None:
     """List the cached results in the store by study; verify, prune, export and import them."""
-    root = here.store.expanduser()
+    root = session.store.expanduser()
     asked = [verify, older is not None or most is not None, export is not None, import_ is not None]
     if sum(asked) > 1:
         raise UserError("give one of --verify, --export, --import, or --older and --most.")
     if out is not None and export is None and import_ is None:
         raise UserError("--out goes with --export or --import.")
     if import_ is not None:
-        _import(here, root, import_, out)
+        _import(session, root, import_, out)
     elif export is not None:
-        _export(here, root, export, out)
+        _export(session, root, export, out)
     elif verify:
-        _verify(here, root)
+        _verify(session, root)
     elif asked[1]:
-        _prune(here, root, older, most)
+        _prune(session, root, older, most)
     else:
-        here.show(store_document(root))
+        session.show(store_document(root))
 
 
-def _verify(here: Session, root: Path) -> None:
+def _verify(session: Session, root: Path) -> None:
     found = entries(root)
-    bar = here.progress.begin("artifacts", len(found))
+    bar = session.progress.begin("artifacts", len(found))
     wrong = list(damaged(found, bar.advance))
     bar.finish()
     for entry, cause in wrong:
-        here.say(f"damaged  {entry.stage}/{entry.key}: {cause}")
-    here.say(
+        session.say(f"damaged  {entry.stage}/{entry.key}: {cause}")
+    session.say(
         f"{plural(len(found), 'artifact')} read, {len(wrong)} damaged; a damaged one is made anew when it is needed."
     )
-    here.result.update(
+    session.result.update(
         artifacts=len(found), damaged=[{**as_data(entry), "cause": cause} for entry, cause in wrong]
     )
     if wrong:
-        here.exit_code = NotReachedError.exit_code
+        session.exit_code = NotReachedError.exit_code
 
 
-def _prune(here: Session, root: Path, older: float | None, most: float | None) -> None:
+def _prune(session: Session, root: Path, older: float | None, most: float | None) -> None:
     found = entries(root)
     gone = to_prune(
         found, None if older is None else older * DAY_S, None if most is None else int(most * 1e6)
     )
     gone = prune(gone)
     freed, left = sum(e.size_bytes for e in gone), sum(e.size_bytes for e in found if e not in gone)
-    here.say(
+    session.say(
         f"{plural(len(gone), 'artifact')} taken away, {number(freed / 1e6, 3)} MB; {number(left / 1e6, 3)} MB stay."
     )
-    here.result.update(removed=[as_data(entry) for entry in gone], freed_bytes=freed, size_bytes=left)
+    session.result.update(removed=[as_data(entry) for entry in gone], freed_bytes=freed, size_bytes=left)
 
 
-def _export(here: Session, root: Path, source: Path, out: Path | None) -> None:
-    study = here.study(source, None, uses=("sweep", "search", "measurements", "cross_check"))
+def _export(session: Session, root: Path, source: Path, out: Path | None) -> None:
+    study = session.study(source, None, uses=("sweep", "search", "measurements", "cross_check"))
     target = out or Path(f"{study.name}.zip")
     check_target(None, target)
     own = [e for e in entries(root) if study.name in e.studies and e.stage not in NOT_KEPT]
@@ -126,18 +126,18 @@ def _export(here: Session, root: Path, source: Path, out: Path | None) -> None:
         portable = write_portable(source, Path(folder))
         write_archive(target, study.name, portable, own)
     size = target.stat().st_size
-    here.say(f"archive  {target}: {plural(len(own), 'artifact')}, {number(size / 1e6, 3)} MB")
-    here.result.update(study=study.name, archive=str(target), artifacts=len(own), size_bytes=size)
+    session.say(f"archive  {target}: {plural(len(own), 'artifact')}, {number(size / 1e6, 3)} MB")
+    session.result.update(study=study.name, archive=str(target), artifacts=len(own), size_bytes=size)
 
 
-def _import(here: Session, root: Path, archive: Path, out: Path | None) -> None:
+def _import(session: Session, root: Path, archive: Path, out: Path | None) -> None:
     made = import_archive(archive, root, out or Path(archive.stem))
     new, every = made.artifacts
-    here.say(f"study    {made.study}: {plural(every, 'artifact')}, {new} of them new in {root}")
+    session.say(f"study    {made.study}: {plural(every, 'artifact')}, {new} of them new in {root}")
     if made.code:
         names = ", ".join(map(shown, made.code))
-        here.say(f"code     {names}: runs when the study is run, not before; read it first")
-    here.result.update(
+        session.say(f"code     {names}: runs when the study is run, not before; read it first")
+    session.result.update(
         study=made.name,
         file=str(made.study),
         artifacts=every,

@@ -53,16 +53,16 @@ DEFAULT_WHICH = "extremes"
 
 @verb()
 def run(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: OutFolder = None,
 ) -> None:
     """Run the stages that the study declares, from FEM to report; cached stages are not recomputed."""
-    loaded = here.study(study, overrides)
+    loaded = session.study(study, overrides)
     folder = out or Path("runs") / loaded.name
     started = time.perf_counter()
-    context = here.context()
+    context = session.context()
     check_study(context, loaded)
     check_writable(folder)
     if loaded.chain is None or loaded.task is None:
@@ -73,15 +73,15 @@ def run(
     summary = plain(run_json(done, folder))
     write_folder(folder, done, summary)
     read = finished(done, summary)
-    here.show(run_document(read, run_lines(done)), folder, stored_run_page(context, done, read))
-    here.result["wall_s"] = time.perf_counter() - started
-    here.say(f"time     {seconds(here.result['wall_s'])} in all")
-    _exit_unless_converged(here, done)
+    session.show(run_document(read, run_lines(done)), folder, stored_run_page(context, done, read))
+    session.result["wall_s"] = time.perf_counter() - started
+    session.say(f"time     {seconds(session.result['wall_s'])} in all")
+    _exit_unless_converged(session, done)
 
 
 @verb()
 def fem(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: OutFolder = None,
@@ -91,15 +91,17 @@ def fem(
     fields_of: FieldsOf = DEFAULT_WHICH,
 ) -> None:
     """Solve only the FEM data set with its page, of one design or of the study's sweep; resumes where interrupted."""
-    loaded = here.study(study, overrides, uses=["sweep"])
+    loaded = session.study(study, overrides, uses=["sweep"])
     folder = out or Path("runs") / loaded.name
-    context = here.context()
+    context = session.context()
     loaded.need("family", "FEM")
     write_fields = fields_writer(fields, fields_of)
     if loaded.block("sweep") is not None:
         if write_fields is not None:
             raise UserError(f"--fields is for one design; study '{loaded.name}' has a 'sweep'.")
-        package_function("report_sweep", "pliant_designs")(here, context, loaded, folder, workers, scheduler)
+        package_function("report_sweep", "pliant_designs")(
+            session, context, loaded, folder, workers, scheduler
+        )
         return
     if workers is not None or scheduler is not None:
         raise UserError(f"--workers and --scheduler are for a sweep; study '{loaded.name}' has no 'sweep'.")
@@ -110,30 +112,30 @@ def fem(
     for artifact, table in zip(artifacts, tables, strict=True):
         write_table(artifact.value, table, material_parameters(loaded.need("material", "FEM")))
     if write_fields is not None:
-        write_fields(here, context, loaded, artifacts)
+        write_fields(session, context, loaded, artifacts)
     document = fem_document(loaded, artifacts, [str(table) for table in tables])
-    here.show(document, folder, stored_fem_page(context, loaded, artifacts))
-    if here.result["failed"]:
-        here.exit_code = NOT_CONVERGED
+    session.show(document, folder, stored_fem_page(context, loaded, artifacts))
+    if session.result["failed"]:
+        session.exit_code = NOT_CONVERGED
 
 
 @verb()
 def simulate(
-    here: Session,
+    session: Session,
     study: StudyFile,
     overrides: Overrides = None,
 ) -> None:
     """Simulate the chain in the chosen physics under the study's task."""
-    loaded = here.study(study, [*(overrides or ()), "cross_check=[]"])
-    context = here.context()
+    loaded = session.study(study, [*(overrides or ()), "cross_check=[]"])
+    context = session.context()
     done = checked_run(context, simulate_study(context, loaded))
-    here.show(simulation_document(done))
-    _exit_unless_converged(here, done)
+    session.show(simulation_document(done))
+    _exit_unless_converged(session, done)
 
 
 @verb(store=False)
 def report(
-    here: Session,
+    session: Session,
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="The --out folder of 'pliant run' or 'pliant optimize'.")
     ],
@@ -142,18 +144,18 @@ def report(
     if (other := result_folder(folder)) is not None:
         rebuild = other.function()  # its module imports matplotlib, which takes a second
         check_writable(folder)
-        here.result["report"] = rebuild(folder)
-        here.say(f"report   {here.result['report']}")
+        session.result["report"] = rebuild(folder)
+        session.say(f"report   {session.result['report']}")
         return
-    run_read = read_folder(folder, here.registry)
+    run_read = read_folder(folder, session.registry)
     check_writable(folder)
-    here.show(run_document(run_read), folder)
+    session.show(run_document(run_read), folder)
 
 
-def _exit_unless_converged(here: Session, done: StudyRun) -> None:
+def _exit_unless_converged(session: Session, done: StudyRun) -> None:
     ran = [engine.result for engine in done.engines if engine.result is not None]
     if not all(result.final.converged and not result.not_reached for result in ran):
-        here.exit_code = NOT_CONVERGED
+        session.exit_code = NOT_CONVERGED
 
 
 def fields_writer(folder: Path | None, which: str) -> Callable[..., None] | None:

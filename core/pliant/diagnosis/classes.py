@@ -60,17 +60,17 @@ class EffectClass:
 
 
 def confounded_classes(
-    found: Mapping[str, Excitation], n_effective: float, law: LawReference | None = None
+    excitations: Mapping[str, Excitation], n_effective: float, law: LawReference | None = None
 ) -> tuple[Kinds, ...]:
     """Return classes of two or more effects, the largest first; with `law`, its shape may be a member (`LAW`).
 
     Args:
-        found: every excited effect at the far end of its plausible range under these runs.
+        excitations: every excited effect at the far end of its plausible range under these runs.
         n_effective: independent readings of these runs.
         law: the law's own error, if it is part of every hypothesis.
     """
-    kinds = [*found, *([] if law is None else [LAW])]
-    return connected(kinds, confounded_with(found, {}, n_effective, law))
+    kinds = [*excitations, *([] if law is None else [LAW])]
+    return connected(kinds, confounded_with(excitations, {}, n_effective, law))
 
 
 def connected(kinds: Iterable[str], pairs: Sequence[ConfoundedPair]) -> tuple[Kinds, ...]:
@@ -112,7 +112,7 @@ class Overlaps:
     def from_changes(
         view: CatalogueView,
         changes: Mapping[str, CataloguePrediction],
-        found: Mapping[str, Excitation] | None = None,
+        excitations: Mapping[str, Excitation] | None = None,
         n_effective: float = 0.0,
         law: LawReference | None = None,
     ) -> Overlaps:
@@ -130,8 +130,8 @@ class Overlaps:
         rows = [view.rows([k]) for k in range(len(view.runs))]
         of_run = tuple((table[r] * view.worth[r, None]).T @ table[r] for r in rows)
         measured = np.zeros((at, at))
-        if found is not None:
-            before = [np.column_stack([found[k].change, found[k].slopes]) for k in changes]
+        if excitations is not None:
+            before = [np.column_stack([excitations[k].change, excitations[k].slopes]) for k in changes]
             old = np.column_stack([*before, *([] if law is None else [law.columns])])
             measured = n_effective / len(old) * old.T @ old
         if law is not None:
@@ -195,7 +195,7 @@ class Overlaps:
 def split_classes(
     registry: Registry,
     view: CatalogueView,
-    found: Mapping[str, Excitation],
+    excitations: Mapping[str, Excitation],
     n_effective: float,
     left: Sequence[Kinds] | None = None,
     law: LawReference | None = None,
@@ -210,26 +210,28 @@ def split_classes(
             By default every class gets a run.
         law: the law's own error, if it is part of every hypothesis.
     """
-    classes = confounded_classes(found, n_effective, law)
-    open_kinds = {kind for explanation in left for kind in explanation} if left is not None else set(found)
+    classes = confounded_classes(excitations, n_effective, law)
+    open_kinds = (
+        {kind for explanation in left for kind in explanation} if left is not None else set(excitations)
+    )
     asked = [one for one in classes if open_kinds & set(one)]
     kinds = sorted({kind for one in asked for kind in one} - {LAW})
     if not kinds:
         return tuple(EffectClass(one, parts=(one,)) for one in classes)
-    changes = catalogue_changes(registry, view, {kind: found[kind] for kind in kinds})
-    overlaps = Overlaps.from_changes(view, changes, found, n_effective, law)
+    changes = catalogue_changes(registry, view, {kind: excitations[kind] for kind in kinds})
+    overlaps = Overlaps.from_changes(view, changes, excitations, n_effective, law)
     return tuple(
         _split(one, view, overlaps) if one in asked else EffectClass(one, parts=(one,)) for one in classes
     )
 
 
 def catalogue_changes(
-    registry: Registry, view: CatalogueView, found: Mapping[str, Excitation]
+    registry: Registry, view: CatalogueView, excitations: Mapping[str, Excitation]
 ) -> dict[str, CataloguePrediction]:
     """Return each effect's changes in the menu at the strength of its excitation, and its slopes; 0 for NaN."""
     nothing = view.evaluate(EffectSet.from_kinds(registry, ()), np.zeros(0)).values
     changes = {}
-    for kind, one in found.items():
+    for kind, one in excitations.items():
         look = view.evaluate(EffectSet.from_kinds(registry, (kind,)), one.x)
         lost = ~(np.isfinite(look.values - nothing) & np.isfinite(look.slopes).all(axis=1))
         changes[kind] = CataloguePrediction(

@@ -329,41 +329,41 @@ def _ways_to_excite(
 MOST_NAMED = 4
 
 
-def explanation(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
+def explanation(diagnosis: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
     """Return the reasons, the consequences, and the next run; `reasons`: include those of the verdict."""
-    proposed = next_words(found)
-    return [*why(found, registry, reasons), *([proposed] if proposed else [])]
+    proposed = next_words(diagnosis)
+    return [*why(diagnosis, registry, reasons), *([proposed] if proposed else [])]
 
 
-def next_words(found: Diagnosis) -> str:
+def next_words(diagnosis: Diagnosis) -> str:
     """Return the next run in words; empty if the verdict needs none."""
-    if found.next_run is None or found.verdict == "missing_effect":
+    if diagnosis.next_run is None or diagnosis.verdict == "missing_effect":
         return ""
-    return f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}."
+    return f"Next: {diagnosis.next_run.run} ({diagnosis.next_run.minutes:g} min): {diagnosis.next_run.why}."
 
 
-def why(found: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
+def why(diagnosis: Diagnosis, registry: Registry, reasons: bool = True) -> list[str]:
     """Return the verdict's reasons, the signatures of the selected effects, and the covariates of the residual."""
-    lines = list(found.judgement.reasons) if reasons else []
-    if found.law_off is not None:
-        lines.append(law_words(found.law_off, found.explained))
-    for kind in found.selected:
+    lines = list(diagnosis.judgement.reasons) if reasons else []
+    if diagnosis.law_off is not None:
+        lines.append(law_words(diagnosis.law_off, diagnosis.explained))
+    for kind in diagnosis.selected:
         lines += in_plain_words(registry, kind)
-        twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
+        twins = [pair.b for pair in diagnosis.indistinguishable if pair.a == kind][:MOST_NAMED]
         if twins:  # look-alikes that these runs cannot exclude
             lines.append(f"Under these runs {kind} can hardly be distinguished from {' or '.join(twins)}.")
-    if found.verdict != "missing_effect":  # a selected effect is distinguished from its class
-        left = {kind for kinds in found.judgement.credible for kind in kinds}
-        next_run = found.next_run.name if found.next_run is not None else ""
-        lines += [class_words(one, left, next_run) for one in found.classes if left & set(one.kinds)]
-    if found.verdict == "ambiguous":  # an inspection may decide what the readings do not
-        left_kinds = dict.fromkeys(kind for kinds in found.judgement.credible for kind in kinds)
+    if diagnosis.verdict != "missing_effect":  # a selected effect is distinguished from its class
+        left = {kind for kinds in diagnosis.judgement.credible for kind in kinds}
+        next_run = diagnosis.next_run.name if diagnosis.next_run is not None else ""
+        lines += [class_words(one, left, next_run) for one in diagnosis.classes if left & set(one.kinds)]
+    if diagnosis.verdict == "ambiguous":  # an inspection may decide what the readings do not
+        left_kinds = dict.fromkeys(kind for kinds in diagnosis.judgement.credible for kind in kinds)
         for kind in [kind for kind in left_kinds if kind not in (UNKNOWN[0], LAW)][:MOST_NAMED]:
             lines += [" ".join(in_plain_words(registry, kind, signature=False))]
-    if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
-        lines += _dependence(found)
-    if found.learned is not None:
-        lines.append(offer(found.learned))
+    if diagnosis.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
+        lines += _dependence(diagnosis)
+    if diagnosis.learned is not None:
+        lines.append(offer(diagnosis.learned))
     return lines
 
 
@@ -411,15 +411,15 @@ def class_words(one: EffectClass, first: Collection[str] = (), next_run: str = "
     return f"{alike}; the run '{one.run}' {would} ({one.words}, {one.minutes:g} min)."
 
 
-def _dependence(found: Diagnosis) -> list[str]:
+def _dependence(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence on the covariates of the best explanation's residual."""
-    most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
+    most = [(name, value) for name, value in diagnosis.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
-    words = ", ".join(f"{circumstance(found, name)} ({whole_percent(value)})" for name, value in most)
+    words = ", ".join(f"{circumstance(diagnosis, name)} ({whole_percent(value)})" for name, value in most)
     return [f"What is unexplained depends on {words}: shares of its variance on runs left out."]
 
 
-def circumstance(found: Diagnosis, name: str) -> str:
+def circumstance(diagnosis: Diagnosis, name: str) -> str:
     """Return a covariate, or a pair of them, in words."""
-    return " × ".join(found.circumstances.get(part, part) for part in name.split(" × "))
+    return " × ".join(diagnosis.circumstances.get(part, part) for part in name.split(" × "))

@@ -242,7 +242,7 @@ def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
 
 def _limit_rival_advantage(
     table: EvidenceTable,
-    found: dict[Kinds, float],
+    probabilities: dict[Kinds, float],
     paid: Mapping[Kinds, float],
     n: float,
     thresholds: EvidenceThresholds,
@@ -254,13 +254,15 @@ def _limit_rival_advantage(
     were right with another form, the best one would match it that closely only by chance. The evidence of one condition
     counts regardless of the others (`_due_to_one`): runs in which both act alike make x small.
     """
-    for size in {len(kinds) for kinds in found} - {0}:
+    for size in {len(kinds) for kinds in probabilities} - {0}:
         rivals = [
-            kinds for kinds in found if len(kinds) == size and np.isfinite(table.rows[kinds].mean_square)
+            kinds
+            for kinds in probabilities
+            if len(kinds) == size and np.isfinite(table.rows[kinds].mean_square)
         ]
         if len(rivals) < 2:
             continue
-        best = max(rivals, key=lambda kinds: found[kinds])
+        best = max(rivals, key=lambda kinds: probabilities[kinds])
         top = max(table.rows[best].mean_square, LEAST_SQUARE)
         for kinds in rivals:
             shared = tuple(kind for kind in best if kind in kinds)
@@ -279,7 +281,7 @@ def _limit_rival_advantage(
                 chance = COINCIDENCE * np.log(
                     _above(table, mine, n, thresholds) / _above(table, top, n, thresholds)
                 )
-                found[kinds] += max(lost - due - chance, 0.0)
+                probabilities[kinds] += max(lost - due - chance, 0.0)
 
 
 def _due_to_one(
@@ -324,11 +326,11 @@ def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[K
     return {kinds: weight / total for kinds, weight in ordered}
 
 
-def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kinds, ...]:
+def credible_set(probabilities: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kinds, ...]:
     """Return the most probable hypotheses with a total probability of `share`."""
     chosen: list[Kinds] = []
     total = 0.0
-    for kinds, probability in found.items():
+    for kinds, probability in probabilities.items():
         chosen.append(kinds)
         total += probability
         if total >= share:

@@ -129,13 +129,13 @@ def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
     return np.where(there, change, 0.0), np.where(there[:, None], slopes, 0.0), snr
 
 
-def not_excited(found: Mapping[str, Excitation], thresholds: EvidenceThresholds) -> tuple[str, ...]:
+def not_excited(excitations: Mapping[str, Excitation], thresholds: EvidenceThresholds) -> tuple[str, ...]:
     """Return kinds whose change stays below the limit at every plausible strength."""
-    return tuple(kind for kind, one in found.items() if one.snr < thresholds.excited)
+    return tuple(kind for kind, one in excitations.items() if one.snr < thresholds.excited)
 
 
 def confounded_with(
-    found: Mapping[str, Excitation],
+    excitations: Mapping[str, Excitation],
     fits: Mapping[Kinds, EffectFit],
     n: float,
     law: LawReference | None = None,
@@ -146,7 +146,7 @@ def confounded_with(
     a's change on these distinguishes them. With `law`, a large error of the law may accompany either effect; it is also
     a kind, `LAW`, which is paired with every effect that it imitates.
     """
-    excited = [one for one in found.values() if one.snr > 0.0]
+    excited = [one for one in excitations.values() if one.snr > 0.0]
     whitener = (
         None
         if law is None
@@ -163,7 +163,7 @@ def confounded_with(
         share = _square(whitener.apply(a.change)) / max(_square(a.change), 1e-300)
         if n * min(a.snr, TYPICAL_SNR) ** 2 * share < SEPARABLE:
             pairs += [ConfoundedPair(a.kind, LAW, share), ConfoundedPair(LAW, a.kind, share)]
-    place = {kind: k for k, kind in enumerate([*found, LAW])}
+    place = {kind: k for k, kind in enumerate([*excitations, LAW])}
     return tuple(sorted(pairs, key=lambda pair: (pair.unexplained_share, place[pair.a])))
 
 
@@ -172,7 +172,7 @@ def _square(values: Array) -> float:
 
 
 def detectable(
-    found: Mapping[str, Excitation],
+    excitations: Mapping[str, Excitation],
     n: float,
     thresholds: EvidenceThresholds,
     law: LawReference | None = None,
@@ -188,10 +188,10 @@ def detectable(
         else Whitener.from_sensitivities(law.columns, law.precision_at(law.prior.large, n))
     )
     odds = thresholds.temperature * np.log(thresholds.accepted / (1.0 - thresholds.accepted))
-    price = 2.0 * (thresholds.price(1, len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
+    price = 2.0 * (thresholds.price(1, len(excitations)) + 0.5 * np.log(max(n, 2.0)) + odds)
     smallest = float(np.sqrt((1.0 + thresholds.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
     results = []
-    for one in found.values():
+    for one in excitations.values():
         if one.snr <= 0.0:
             continue
         seen = one.change if whitener is None else whitener.apply(one.change)

@@ -146,16 +146,16 @@ class AsymmetricParameter:
     ratio: float
 
 
-def asymmetric_parameter(posterior: Posterior, found: Uncertainty) -> AsymmetricParameter | None:
+def asymmetric_parameter(posterior: Posterior, uncertainty: Uncertainty) -> AsymmetricParameter | None:
     """Return the side of a profile interval that differs most from the normal one, if by more than `ASYMMETRIC`.
 
     Args:
         posterior: defines the x in which the distribution is normal.
-        found: profile intervals of the same parameters; sides that end at a bound are ignored.
+        uncertainty: profile intervals of the same parameters; sides that end at a bound are ignored.
     """
     sides = []
     for parameter, x, rate, one in zip(
-        posterior.candidate.parameters, posterior.x, posterior.rates, found.estimates, strict=True
+        posterior.candidate.parameters, posterior.x, posterior.rates, uncertainty.estimates, strict=True
     ):
         normal = NINETY * one.sd / abs(rate) if rate else np.inf
         for upwards, end, is_open in ((False, one.low, one.open_low), (True, one.high, one.open_high)):

@@ -267,7 +267,7 @@ def _left_out(
 
 
 def _rounded(
-    fitter: Fitter, fit: EffectFit, candidate: StudyCandidate, found: Uncertainty
+    fitter: Fitter, fit: EffectFit, candidate: StudyCandidate, uncertainty: Uncertainty
 ) -> dict[str, float]:
     """Return values at the decimals of their uncertainty, with more digits if rounding affects the fit."""
     wanted = fit.mean_square(fitter.weights)
@@ -275,7 +275,7 @@ def _rounded(
     for digits in range(DIGITS, MOST_DIGITS + 1):
         values = {
             one.name: float(np.clip(rounded(one.value, one.sd, digits), *one.parameter.bounds))
-            for one in found.estimates
+            for one in uncertainty.estimates
         }
         effects = candidate.with_values(values)
         at = fitter.evaluate(StudyCandidate((), (), (), effects), np.zeros(0), fit.parts, fit.law)
@@ -290,7 +290,7 @@ def write_extended_study(
     target: Path,
     study: Study,
     overrides: Sequence[str],
-    found: Extension | None,
+    extension: Extension | None,
     note: str,
     registry: Registry,
     *,
@@ -305,7 +305,7 @@ def write_extended_study(
         source: the study's file.
         target: the new file.
         study: as read from `source` with `overrides`.
-        found: the fitted effects; None where none was added.
+        extension: the fitted effects; None where none was added.
         note: their origin, one line.
         registry: before the study's own plugin files were read.
         notes_by_kind: more words behind the note, by kind of effect.
@@ -317,7 +317,7 @@ def write_extended_study(
         UserError: the file cannot be written, or what was written does not read back as the same study.
     """
     draft = StudyDraft(source, overrides)
-    effects = study.effects if found is None else found.effects
+    effects = study.effects if extension is None else extension.effects
     every = (*effects, *(() if learned is None else (learned.effect,)))
     meant = {**study.canonical(), "name": draft.name_after(target)}
     meant["effects"] = [effect.canonical() for effect in every]
@@ -327,10 +327,10 @@ def write_extended_study(
         draft.set(("measurements", "file"), named if isinstance(named, str) else list(named))
         block = study.measurements or MeasurementsConfig(file=named)
         meant["measurements"] = {**block.canonical(), "file": named}
-    if found is not None:
-        _set_fitted(draft, found, note, notes_by_kind or {})
-    if found is not None and learned is None:  # its scatter is of the model without a learned term
-        kept = posterior_block(found.posterior, found.scatter).canonical()
+    if extension is not None:
+        _set_fitted(draft, extension, note, notes_by_kind or {})
+    if extension is not None and learned is None:  # its scatter is of the model without a learned term
+        kept = posterior_block(extension.posterior, extension.scatter).canonical()
         draft.set(("posterior",), kept, "uncertainty; 'pliant compare' draws its bands from it")
         meant["posterior"] = kept
     if learned is not None:
@@ -342,14 +342,14 @@ def write_extended_study(
     draft.write(target, meant, registry, full)
 
 
-def _set_fitted(draft: StudyDraft, found: Extension, note: str, notes_by_kind: Mapping[str, str]) -> None:
+def _set_fitted(draft: StudyDraft, extension: Extension, note: str, notes_by_kind: Mapping[str, str]) -> None:
     """Set the fitted effects with their uncertainty."""
-    for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
+    for slot, kind in sorted(zip(extension.candidate.slots, extension.kinds, strict=True)):
         at = ("effects", slot)
         draft.set((*at, "kind"), kind, note + notes_by_kind.get(kind, ""))
-        for estimate in found.uncertainty.estimates:
+        for estimate in extension.uncertainty.estimates:
             if estimate.kind == kind:
-                key, value = _written(found.effects[slot], estimate, found.values[estimate.name])
+                key, value = _written(extension.effects[slot], estimate, extension.values[estimate.name])
                 draft.set((*at, key), value, estimate.words)
 
 

@@ -48,34 +48,34 @@ def covariate_words(axis: CurveAxis, drive: str) -> NamedUnit:
     return named_unit(label.format(input=words.label), unit)
 
 
-def quantity(found: LearnedTerm) -> tuple[str, Unit]:
+def quantity(term: LearnedTerm) -> tuple[str, Unit]:
     """Return what the curve changes, and the unit in which it is shown: shares in percent."""
-    label, unit, _ = ACTS[found.form.acts_on]
-    words = output_unit(found.drive)
+    label, unit, _ = ACTS[term.form.acts_on]
+    words = output_unit(term.drive)
     shown: Unit = Unit("%", 100.0) if unit == "1" else display_unit(unit) if unit else words
     return label.format(input=words.label), shown
 
 
-def depends_on(found: LearnedTerm) -> str:
+def depends_on(term: LearnedTerm) -> str:
     """Return the covariates in words."""
-    return listed([covariate_words(axis, found.drive).label for axis in found.form.axes])
+    return listed([covariate_words(axis, term.drive).label for axis in term.form.axes])
 
 
-def offer(found: LearnedTerm) -> str:
+def offer(term: LearnedTerm) -> str:
     """Return a sentence that it would help, how much, and how to add it."""
     return (
-        f"A learned term would lower the error on {found.on} from {found.before:.2f} to {found.after:.2f} times the "
-        f"noise: {described(found)} Add it with pliant improve --learned."
+        f"A learned term would lower the error on {term.on} from {term.before:.2f} to {term.after:.2f} times the "
+        f"noise: {described(term)} Add it with pliant improve --learned."
     )
 
 
-def described(found: LearnedTerm) -> str:
+def described(term: LearnedTerm) -> str:
     """Return a description of the term and of its limits."""
-    label, _ = quantity(found)
-    look = ACTS[found.form.acts_on][2].format(input=output_unit(found.drive).label)
-    form = "curve" if len(found.form.axes) == 1 else "surface"
+    label, _ = quantity(term)
+    look = ACTS[term.form.acts_on][2].format(input=output_unit(term.drive).label)
+    form = "curve" if len(term.form.axes) == 1 else "surface"
     return (
-        f"a smooth {form} over {depends_on(found)} that changes {label.removeprefix('added to ')}, "
-        f"{found.freedom:.0f} numbers' worth. It is a description and no cause, and is not valid outside these data; "
+        f"a smooth {form} over {depends_on(term)} that changes {label.removeprefix('added to ')}, "
+        f"{term.freedom:.0f} numbers' worth. It is a description and no cause, and is not valid outside these data; "
         f"look at {look}."
     )

@@ -261,41 +261,43 @@ def change_in_words(before: Score, after: Score, se: float = math.nan) -> str:
     return f"from {unit.text(before.rmse[name], 3)} to {unit.text(after.rmse[name], 3)} rms in {unit.label}"
 
 
-def named_step(found: Diagnosis) -> StepProposal | None:
+def named_step(diagnosis: Diagnosis) -> StepProposal | None:
     """Return the effects that the verdict names, or a group of look-alikes one of which is missing; else None."""
-    shared = _shared(found)
-    if found.verdict != "missing_effect" and shared is None:
+    shared = _shared(diagnosis)
+    if diagnosis.verdict != "missing_effect" and shared is None:
         return None
-    order = _by_gain(found, found.selected) if shared is None else (shared.chosen,)
+    order = _by_gain(diagnosis, diagnosis.selected) if shared is None else (shared.chosen,)
     group = shared.stands_for if shared is not None and len(shared.stands_for) > 1 else ()
-    return StepProposal(found, order, group, "class" if group else "named", shared)
+    return StepProposal(diagnosis, order, group, "class" if group else "named", shared)
 
 
-def predicting_step(found: Diagnosis, without: Collection[str]) -> StepProposal | None:
+def predicting_step(diagnosis: Diagnosis, without: Collection[str]) -> StepProposal | None:
     """Return the effects that best predict unseen readings, whatever their name, except `without`; else None."""
-    if found.verdict in ("nothing_missing", "law_off"):
+    if diagnosis.verdict in ("nothing_missing", "law_off"):
         return None
-    best = best_prediction(found, without)
+    best = best_prediction(diagnosis, without)
     if best is None:
         return None
-    return StepProposal(found, _by_gain(found, best.kinds), best.alike if len(best.alike) > 1 else (), "open")
+    return StepProposal(
+        diagnosis, _by_gain(diagnosis, best.kinds), best.alike if len(best.alike) > 1 else (), "open"
+    )
 
 
-def _shared(found: Diagnosis) -> SharedEffect | None:
+def _shared(diagnosis: Diagnosis) -> SharedEffect | None:
     """Return what the credible explanations agree on, if none of them is accepted alone; else None."""
-    if found.verdict != "ambiguous":
+    if diagnosis.verdict != "ambiguous":
         return None
-    alike = {frozenset((pair.a, pair.b)) for pair in found.indistinguishable}
-    alike |= {frozenset(pair) for pair in combinations(found.judgement.selected_class, 2)}
-    bounds = shapes_at_bound(found.fits)
-    shared = shared_effects(found.judgement.probability, alike, bounds, THRESHOLDS)
+    alike = {frozenset((pair.a, pair.b)) for pair in diagnosis.indistinguishable}
+    alike |= {frozenset(pair) for pair in combinations(diagnosis.judgement.selected_class, 2)}
+    bounds = shapes_at_bound(diagnosis.fits)
+    shared = shared_effects(diagnosis.judgement.probability, alike, bounds, THRESHOLDS)
     if shared is None or len(shared.stands_for) == 1:
         return shared
     free = [kind for kind in shared.stands_for if kind not in bounds.get((kind,), frozenset())]
-    return replace(shared, chosen=best_single_effect(found, free, shared.chosen))
+    return replace(shared, chosen=best_single_effect(diagnosis, free, shared.chosen))
 
 
-def _standing_in(shared: SharedEffect, found: Diagnosis) -> str:
+def _standing_in(shared: SharedEffect, diagnosis: Diagnosis) -> str:
     """Return why an effect is added although the verdict is open, and which run would settle it."""
     if len(shared.stands_for) == 1:
         return (
@@ -306,23 +308,25 @@ def _standing_in(shared: SharedEffect, found: Diagnosis) -> str:
         f"{shared.chosen} stands for one of {', '.join(shared.stands_for)}: these data do not determine which"
     )
     group = set(shared.stands_for)
-    splits = [one for one in found.classes if one.run and len(group.intersection(one.kinds)) > 1]
+    splits = [one for one in diagnosis.classes if one.run and len(group.intersection(one.kinds)) > 1]
     if splits:
         best = max(splits, key=lambda one: len(group.intersection(one.kinds)))
         return f"{known}; the run that would is: {best.words} ({best.minutes:g} min)."
-    if found.next_run is not None:
-        return f"{known}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."
+    if diagnosis.next_run is not None:
+        return (
+            f"{known}; the next run to do is: {diagnosis.next_run.run} ({diagnosis.next_run.minutes:g} min)."
+        )
     return f"{known}."
 
 
-def _by_gain(found: Diagnosis, kinds: Sequence[str]) -> tuple[str, ...]:
+def _by_gain(diagnosis: Diagnosis, kinds: Sequence[str]) -> tuple[str, ...]:
     """Return these effects in the order of their gain when added next."""
     chosen: list[str] = []
     while len(chosen) < len(kinds):
         left = [kind for kind in kinds if kind not in chosen]
 
         def square(kind: str) -> float:
-            row = found.table.rows.get(sorted_kinds((*chosen, kind))) or found.table.rows[(kind,)]
+            row = diagnosis.table.rows.get(sorted_kinds((*chosen, kind))) or diagnosis.table.rows[(kind,)]
             return row.mean_square
 
         chosen.append(min(left, key=square))

@@ -102,13 +102,13 @@ class BestPrediction:
     alike: Kinds
 
 
-def best_prediction(found: Diagnosis, without: Collection[str] = ()) -> BestPrediction | None:
+def best_prediction(diagnosis: Diagnosis, without: Collection[str] = ()) -> BestPrediction | None:
     """Return the best of the fitted sets without these kinds; None if none predicts significantly better."""
     squares = _left_out_squares(
-        found,
+        diagnosis,
         [
             kinds
-            for kinds, fit in found.fits.items()
+            for kinds, fit in diagnosis.fits.items()
             if not set(kinds) & set(without) and np.isfinite(fit.mean_square())
         ],
     )
@@ -127,20 +127,22 @@ def best_prediction(found: Diagnosis, without: Collection[str] = ()) -> BestPred
     return BestPrediction(chosen, gains[chosen], tuple(alike) if len(chosen) == 1 else ())
 
 
-def best_single_effect(found: Diagnosis, kinds: Collection[str], usual: str) -> str:
+def best_single_effect(diagnosis: Diagnosis, kinds: Collection[str], usual: str) -> str:
     """Return the single effect that predicts best, if it does so beyond its uncertainty; else the usual one."""
-    fitted = [kind for kind in kinds if (kind,) in found.fits and found.fits[(kind,)].mean_square() < np.inf]
+    fitted = [
+        kind for kind in kinds if (kind,) in diagnosis.fits and diagnosis.fits[(kind,)].mean_square() < np.inf
+    ]
     if usual not in fitted:
         return usual
-    alone = _left_out_squares(found, [(kind,) for kind in fitted])
+    alone = _left_out_squares(diagnosis, [(kind,) for kind in fitted])
     squares = {kind: alone[(kind,)] for kind in fitted}
     best = min(fitted, key=lambda kind: float(squares[kind].sum()))
     return best if prediction_gain(squares[usual], squares[best]).sure > 1.0 else usual
 
 
-def _left_out_squares(found: Diagnosis, sets: Sequence[Kinds]) -> dict[Kinds, Array]:
+def _left_out_squares(diagnosis: Diagnosis, sets: Sequence[Kinds]) -> dict[Kinds, Array]:
     """Return for each set (B,) sums of squares of its errors on runs, or blocks of a run, left out of its fit."""
-    readings, plain = found.readings, found.fits[NOTHING].residual
+    readings, plain = diagnosis.readings, diagnosis.fits[NOTHING].residual
     groups = readings.fold if len(np.unique(readings.run)) > 2 else assign_blocks(readings)
-    left = [readings.unpack(heldout_residual(found.fits[kinds], groups, plain)) for kinds in sets]
+    left = [readings.unpack(heldout_residual(diagnosis.fits[kinds], groups, plain)) for kinds in sets]
     return dict(zip(sets, block_squares(left, readings.scales), strict=True)) if left else {}

@@ -321,17 +321,19 @@ class ErrorBin:
 
 
 def bin_errors(
-    residuals: Residuals, found: Covariates, noise: Mapping[str, Noise], steps_s: Sequence[float]
+    residuals: Residuals, covariates: Covariates, noise: Mapping[str, Noise], steps_s: Sequence[float]
 ) -> tuple[ErrorBin, ...]:
     """Return every bin of every covariate and of some pairs; significance controls the false discovery rate over all.
 
     Args:
         residuals: see `Residuals`.
-        found: the covariates of the same runs.
+        covariates: the covariates of the same runs.
         noise: per output; its `total` is the unit in which errors of different outputs are added.
         steps_s: per run the time between neighbouring readings.
     """
-    parts = [(bins, noise) for bins in all_bins(found)] + list(_along_chain(found, residuals, noise))
+    parts = [(bins, noise) for bins in all_bins(covariates)] + list(
+        _along_chain(covariates, residuals, noise)
+    )
     tested = [
         {
             o: bin_means([run[o] for run in residuals], bins.codes, len(bins), one, steps_s)
@@ -373,9 +375,9 @@ def bin_errors(
     return tuple(places)
 
 
-def all_bins(found: Covariates) -> list[Bins]:
+def all_bins(covariates: Covariates) -> list[Bins]:
     """Return the bins of every covariate, then of the pairs in `PAIRS` that have few enough."""
-    singles = [bins for bins in map(binned, found.items) if len(bins) > 1]
+    singles = [bins for bins in map(binned, covariates.items) if len(bins) > 1]
     pairs = []
     for names in PAIRS:
         first, second = (next((b for b in singles if b.name.startswith(name)), None) for name in names)
@@ -385,10 +387,10 @@ def all_bins(found: Covariates) -> list[Bins]:
 
 
 def _along_chain(
-    found: Covariates, residuals: Residuals, noise: Mapping[str, Noise]
+    covariates: Covariates, residuals: Residuals, noise: Mapping[str, Noise]
 ) -> Iterator[tuple[Bins, Mapping[str, Noise]]]:
     """Yield one bin for the outputs of each joint or marker, and one for all others, where outputs have numbers."""
-    numbers = {output: found.position.get(output) for output in noise}
+    numbers = {output: covariates.position.get(output) for output in noise}
     if len({k for k in numbers.values() if k is not None}) < 2:
         return
     for k in sorted(set(numbers.values()), key=lambda k: (k is None, k)):

@@ -57,13 +57,15 @@ class _Folds:
 
 
 def importance(
-    residuals: Sequence[Mapping[str, Array]], found: Covariates, scales: Mapping[str, float] | None = None
+    residuals: Sequence[Mapping[str, Array]],
+    covariates: Covariates,
+    scales: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Return the covariates on which the residual depends: covariate → importance from 0 to 1, the largest first.
 
     Args:
         residuals: per run the residuals by output (t,), NaN where missing.
-        found: covariates of the same runs.
+        covariates: covariates of the same runs.
         scales: unit in which outputs are added, their noise floors for example; their RMS by default.
 
     Returns:
@@ -71,14 +73,14 @@ def importance(
     """
     names = list(residuals[0]) if residuals else []
     if not names:
-        return dict.fromkeys(found.names, 0.0)
+        return dict.fromkeys(covariates.names, 0.0)
     folds = _folds(residuals, names, scales or {})
     if len(np.unique(folds.fold)) < 2 or not folds.there.any():
-        return dict.fromkeys(found.names, 0.0)
-    told = {item.name: _explained(folds.basis(item, KNOTS), folds) for item in found.items}
-    if found.position:
-        told["position"] = _position(folds, [found.position.get(name) for name in names], names)
-    best = sorted(found.items, key=lambda item: -told[item.name])[:PAIRED]
+        return dict.fromkeys(covariates.names, 0.0)
+    told = {item.name: _explained(folds.basis(item, KNOTS), folds) for item in covariates.items}
+    if covariates.position:
+        told["position"] = _position(folds, [covariates.position.get(name) for name in names], names)
+    best = sorted(covariates.items, key=lambda item: -told[item.name])[:PAIRED]
     pairs = {}
     for a, b in combinations(best, 2):
         both = folds.basis(a, PAIR_KNOTS)[:, :, None] * folds.basis(b, PAIR_KNOTS)[:, None, :]

@@ -197,10 +197,10 @@ def group_error(
     return GroupError(", ".join(names), ", ".join(shared), names, outputs, ratio, share, n)
 
 
-def run_words(found: Covariates, n_runs: int) -> list[tuple[str, ...]]:
+def run_words(covariates: Covariates, n_runs: int) -> list[tuple[str, ...]]:
     """Return what distinguishes each run: its rate, its specimen, and unusual loads and conditions."""
     parts: list[list[str]] = [[] for _ in range(n_runs)]
-    for item in found.items:
+    for item in covariates.items:
         if item.name.startswith("rate_"):
             for part, rate in zip(parts, item.values, strict=True):
                 if np.isfinite(rate).any():

@@ -135,7 +135,7 @@ class Simulation(EngineHandle, ABC):
         turned = np.array([slopes.joint_angles[name] for name in names])
         return self._response(found, by_input, turned)
 
-    def _differences(self, inputs: Inputs, found: Equilibrium) -> Response:
+    def _differences(self, inputs: Inputs, equilibrium: Equilibrium) -> Response:
         """Return the response by central differences of settled states."""
         by_input, turned = [], []
         for name in self.chain.inputs:
@@ -148,18 +148,18 @@ class Simulation(EngineHandle, ABC):
                 sides.append(self.settle())
             by_input.append((sides[0].markers_m - sides[1].markers_m) / (2 * step))
             turned.append((sides[0].joint_angles - sides[1].joint_angles) / (2 * step))
-        return self._response(found, np.array(by_input), np.array(turned))
+        return self._response(equilibrium, np.array(by_input), np.array(turned))
 
-    def _response(self, found: Equilibrium, by_input: Array, turned: Array | None) -> Response:
-        pose = ChainGeometry.from_chain(self.chain).forward(found.joint_angles)
+    def _response(self, equilibrium: Equilibrium, by_input: Array, turned: Array | None) -> Response:
+        pose = ChainGeometry.from_chain(self.chain).forward(equilibrium.joint_angles)
         spin = np.zeros((len(by_input), 3))
         geometry = ChainGeometry.from_chain(self.chain)
         if turned is not None and geometry.turns:
             spin = np.einsum(
                 "nia,kna->ki", pose.directions[:, :, : geometry.slide], turned[..., : geometry.slide]
             )
-        parts = (found.joint_angles, found.markers_m, by_input, pose.rotations[-1], spin)
-        return Response(*parts, turned is not None, not found.outside_domain)
+        parts = (equilibrium.joint_angles, equilibrium.markers_m, by_input, pose.rotations[-1], spin)
+        return Response(*parts, turned is not None, not equilibrium.outside_domain)
 
 
 class StaticSimulation(Simulation):

@@ -58,20 +58,20 @@ class Target:
             found["direction"] = found["direction"] / length
         return Target(**found, turn_m=self.turn_m)
 
-    def residual(self, found: Response, turn_m: float) -> tuple[Array, Array]:
+    def residual(self, response: Response, turn_m: float) -> tuple[Array, Array]:
         """Return r (m,) in m, whose length is the distance, and ∂r/∂p (m, k)."""
         parts, slopes = [], []
         if self.tip_m is not None:
-            parts.append(found.markers_m[-1] - self.tip_m)
-            slopes.append(found.by_input[:, -1].T)
+            parts.append(response.markers_m[-1] - self.tip_m)
+            slopes.append(response.by_input[:, -1].T)
         if self.direction is not None:
-            axis = found.tip_rotation[:, 0]
+            axis = response.tip_rotation[:, 0]
             parts.append(turn_m * (axis - self.direction))
-            slopes.append(turn_m * np.cross(found.tip_spin, axis).T)
+            slopes.append(turn_m * np.cross(response.tip_spin, axis).T)
         if self.backbone_m is not None:
             share = 1.0 / np.sqrt(len(self.backbone_m) - 1)  # the base does not move: RMS over the others
-            parts.append(share * (found.markers_m - self.backbone_m).ravel())
-            slopes.append(share * found.by_input.reshape(len(found.by_input), -1).T)
+            parts.append(share * (response.markers_m - self.backbone_m).ravel())
+            slopes.append(share * response.by_input.reshape(len(response.by_input), -1).T)
         if len(parts) == 1:
             return parts[0], slopes[0]
         return np.concatenate(parts), np.concatenate(slopes)

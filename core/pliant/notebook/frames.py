@@ -122,21 +122,21 @@ def module_data(data: ModuleData) -> Columns:
     }
 
 
-def hypotheses(found: Diagnosis) -> Columns:
+def hypotheses(diagnosis: Diagnosis) -> Columns:
     """Return a row per hypothesis, the most probable first."""
-    probability = found.judgement.probability
+    probability = diagnosis.judgement.probability
     return {
         "kinds": [" + ".join(kinds) or "nothing missing" for kinds in probability],
         "probability": list(probability.values()),
-        "error_over_floor": [found.left_out_ratio(kinds) for kinds in probability],
+        "error_over_floor": [diagnosis.left_out_ratio(kinds) for kinds in probability],
     }
 
 
-def steps(found: Improvement) -> Columns:
+def steps(improvement: Improvement) -> Columns:
     """Return a row per step: what was added, and the error after it divided by the noise floor."""
     return {
-        "added": [step.named or "the model as it was" for step in found.steps],
-        "error_over_floor": [step.locked.over_floor for step in found.steps],
-        "standard_error": [step.locked_se for step in found.steps],
-        "error_over_floor_left_out": [step.training.over_floor for step in found.steps],
+        "added": [step.named or "the model as it was" for step in improvement.steps],
+        "error_over_floor": [step.locked.over_floor for step in improvement.steps],
+        "standard_error": [step.locked_se for step in improvement.steps],
+        "error_over_floor_left_out": [step.training.over_floor for step in improvement.steps],
     }

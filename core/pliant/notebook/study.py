@@ -356,7 +356,7 @@ class StudyHandle:
     def _write(
         self,
         target: Path,
-        found: Extension | None,
+        extension: Extension | None,
         files: list[Path],
         note: str,
         notes: Mapping[str, str],
@@ -368,7 +368,7 @@ class StudyHandle:
             target,
             self.config,
             self._overrides,
-            found,
+            extension,
             note,
             discover(),
             notes_by_kind=notes,

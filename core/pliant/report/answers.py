@@ -23,18 +23,20 @@ NEAR = 1.2  # times the floor: below it nothing is missing
 Answers = tuple[tuple[str, str], ...]
 
 
-def comparison_answers(found: Comparison) -> Answers:
+def comparison_answers(comparison: Comparison) -> Answers:
     """Return the answers for a model against a measurement."""
-    ratio, place = found.rmse_over_floor, headline(found)
-    errors = {name: error.rmse for name, error in found.outputs.items()}
-    floors = {name: error.noise_floor for name, error in found.outputs.items()}
+    ratio, place = comparison.rmse_over_floor, headline(comparison)
+    errors = {name: error.rmse for name, error in comparison.outputs.items()}
+    floors = {name: error.noise_floor for name, error in comparison.outputs.items()}
     good = errors_text(errors, floors)
-    good += f", {_ratio(ratio)} the noise" if found.has_floor else ""
-    low, high = found.rmse_over_floor_interval
+    good += f", {_ratio(ratio)} the noise" if comparison.has_floor else ""
+    low, high = comparison.rmse_over_floor_interval
     sure = f"95 % interval {_ratio(low, False)} to {_ratio(high)} the noise; " if np.isfinite(low) else ""
-    sure += f"{found.n_samples} readings, worth {number(found.n_effective, 3)} independent ones; "
-    sure += "the floor comes from repeats or a stated sigma" if found.judged else "the floor is not known"
-    if not found.judged:
+    sure += f"{comparison.n_samples} readings, worth {number(comparison.n_effective, 3)} independent ones; "
+    sure += (
+        "the floor comes from repeats or a stated sigma" if comparison.judged else "the floor is not known"
+    )
+    if not comparison.judged:
         return answers(
             good,
             "Cannot be judged before the noise is known.",
@@ -50,7 +52,7 @@ def comparison_answers(found: Comparison) -> Answers:
         missing = (
             "No circumstance stands out." if ratio < NEAR else "The error is spread over all circumstances."
         )
-    right = ratio < NEAR and place is None and not found.significant
+    right = ratio < NEAR and place is None and not comparison.significant
     after = (
         "No unexplained error; measure what these runs do not cover."
         if right
@@ -59,13 +61,13 @@ def comparison_answers(found: Comparison) -> Answers:
     return answers(good, "Nothing that these runs show." if right else missing, sure, after)
 
 
-def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
+def diagnosis_answers(diagnosis: Diagnosis, demand: str) -> Answers:
     """Return the answers for a diagnosis; `demand` is the action that its verdict requires if no run is proposed."""
-    judgement, verdict = found.judgement, found.verdict
+    judgement, verdict = diagnosis.judgement, diagnosis.verdict
     best = next((kinds for kinds in judgement.probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
-    before, after = found.left_out_ratio(NOTHING), found.left_out_ratio(best)
-    floors = {name: floor.value for name, floor in found.noise.floors.items()}
-    good = errors_text(found.left_out_errors(NOTHING), floors)
+    before, after = diagnosis.left_out_ratio(NOTHING), diagnosis.left_out_ratio(best)
+    floors = {name: floor.value for name, floor in diagnosis.noise.floors.items()}
+    good = errors_text(diagnosis.left_out_errors(NOTHING), floors)
     good += f", {_ratio(before)} the noise on runs left out" if np.isfinite(before) else ""
     if (
         best != NOTHING
@@ -74,7 +76,7 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
     ):
         good += f"; {_ratio(after)} with {named(best)}"
     missing = {
-        "missing_effect": _with_parameters(found),
+        "missing_effect": _with_parameters(diagnosis),
         "ambiguous": contenders_sentence(judgement),
         "nothing_missing": "Nothing that these runs show",
         "law_off": f"No effect; the law is off{judgement.law}",
@@ -82,7 +84,7 @@ def diagnosis_answers(found: Diagnosis, demand: str) -> Answers:
         "not_repeatable": "Not examined: runs with the same inputs differ",
         "insufficient_data": "Not determined by these runs",
     }[verdict]
-    return answers(good, missing, _sure(found), proposed(found.next_run) or demand)
+    return answers(good, missing, _sure(diagnosis), proposed(diagnosis.next_run) or demand)
 
 
 def contenders_sentence(judgement: Judgement) -> str:
@@ -90,41 +92,43 @@ def contenders_sentence(judgement: Judgement) -> str:
     return f"One of these{', whichever it is' if judgement.selected_class else ''}: {judgement.contenders}"
 
 
-def _with_parameters(found: Diagnosis) -> str:
-    texts = parameter_texts(found, found.selected)
-    return named(found.selected) + (f" ({', '.join(texts)})" if texts else "")
+def _with_parameters(diagnosis: Diagnosis) -> str:
+    texts = parameter_texts(diagnosis, diagnosis.selected)
+    return named(diagnosis.selected) + (f" ({', '.join(texts)})" if texts else "")
 
 
-def _sure(found: Diagnosis) -> str:
-    if found.verdict in ("not_repeatable", "insufficient_data"):
-        return f"No verdict on effects; {number(found.noise.n_effective, 3)} independent readings"
-    shown: list[Kinds] = list(found.judgement.credible[:3])
-    texts = [f"{named(kinds)} {probability_text(found.judgement.probability[kinds])}" for kinds in shown]
-    more = len(found.judgement.credible) - len(shown)
+def _sure(diagnosis: Diagnosis) -> str:
+    if diagnosis.verdict in ("not_repeatable", "insufficient_data"):
+        return f"No verdict on effects; {number(diagnosis.noise.n_effective, 3)} independent readings"
+    shown: list[Kinds] = list(diagnosis.judgement.credible[:3])
+    texts = [f"{named(kinds)} {probability_text(diagnosis.judgement.probability[kinds])}" for kinds in shown]
+    more = len(diagnosis.judgement.credible) - len(shown)
     said = listed(texts) + (f" and {more} more" if more else "")
-    return f"Probability: {said}; {len(found.table.rows)} explanations fitted"
+    return f"Probability: {said}; {len(diagnosis.table.rows)} explanations fitted"
 
 
-def improvement_answers(found: Improvement) -> Answers:
+def improvement_answers(improvement: Improvement) -> Answers:
     """Return the answers for an improvement."""
-    first, last = found.steps[0].locked, found.steps[-1].locked
-    added = [kind for step in found.steps for kind in step.added]
-    good = errors_text(last.rmse, {name: floor.value for name, floor in found.floors.items()})
+    first, last = improvement.steps[0].locked, improvement.steps[-1].locked
+    added = [kind for step in improvement.steps for kind in step.added]
+    good = errors_text(last.rmse, {name: floor.value for name, floor in improvement.floors.items()})
     judged = np.isfinite(last.over_floor)
     good += f", {_ratio(last.over_floor)} the noise" if judged else ", with an unknown share of noise"
     before = _ratio(first.over_floor) if judged else errors_text(first.rmse, {})
     good += f" (before: {before})" if added else ""
     missing = f"Added: {listed(added)}" if added else "Nothing was added"
     where = (
-        f"{len(found.locked.runs)} runs that were held out at the start"
-        if found.locked.runs
-        else f"{found.scored_on}; no run was held out"
+        f"{len(improvement.locked.runs)} runs that were held out at the start"
+        if improvement.locked.runs
+        else f"{improvement.scored_on}; no run was held out"
     )
-    after = "Use the new study, and check it on a run that it has not seen." if added else found.reason
+    after = "Use the new study, and check it on a run that it has not seen." if added else improvement.reason
     sure = (
-        f"± {number(found.steps[-1].locked_se, 2)} times the noise, on {where}" if judged else f"On {where}"
+        f"± {number(improvement.steps[-1].locked_se, 2)} times the noise, on {where}"
+        if judged
+        else f"On {where}"
     )
-    return answers(good, missing, sure, proposed(found.next_run) or after)
+    return answers(good, missing, sure, proposed(improvement.next_run) or after)
 
 
 def proposed(run: NextRun | None) -> str:

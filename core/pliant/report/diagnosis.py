@@ -90,7 +90,7 @@ RECORD = "Record other rates, holds, loads, orientations, each twice, and diagno
 def diagnosis_document(
     title: str,
     measurement: Measurement,
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     registry: Registry,
     *,
     asked: Sequence[str] = (),
@@ -101,124 +101,126 @@ def diagnosis_document(
     Args:
         title: the study's name.
         measurement: the diagnosed one.
-        found: its result.
+        diagnosis: its result.
         registry: with the descriptions of the effects.
         asked: effects requested by name; if impossible, the reason is given for each.
         next_file: the protocol file of the proposed run.
     """
-    reasons = why(found, registry)
-    demand = _demand(found, registry)
+    reasons = why(diagnosis, registry)
+    demand = _demand(diagnosis, registry)
     points = [*reasons, demand]
-    sentence = numbers_text(found) or points[0]
-    proposed = next_words(found)
+    sentence = numbers_text(diagnosis) or points[0]
+    proposed = next_words(diagnosis)
     return Document(
         kind=f"Pliant: which effect is missing · {title}",
-        title=found.judgement.sentence,
+        title=diagnosis.judgement.sentence,
         sentence=sentence,
-        data=diagnosis_json(found, next_file),
-        brief=_brief(found),
-        answers=diagnosis_answers(found, demand),
+        data=diagnosis_json(diagnosis, next_file),
+        brief=_brief(diagnosis),
+        answers=diagnosis_answers(diagnosis, demand),
         points=tuple(point for point in points if point != sentence),
         warnings=(
-            *mistakes_warned(found.bookkeeping),
-            *(Warned(text) for text in implausible(found)),
-            *warned(registry, not_repeated(found.remarks, measurement, found.bookkeeping), asked),
+            *mistakes_warned(diagnosis.bookkeeping),
+            *(Warned(text) for text in implausible(diagnosis)),
+            *warned(registry, not_repeated(diagnosis.remarks, measurement, diagnosis.bookkeeping), asked),
         ),
         closing=(
-            found.judgement.sentence,
+            diagnosis.judgement.sentence,
             *reasons,
             *([proposed] if proposed else []),
             *([f"next run {next_file}"] if next_file else []),
         ),
-        draw=lambda: _drawn(Diagnosed(found.measurement, found), registry),
+        draw=lambda: _drawn(Diagnosed(diagnosis.measurement, diagnosis), registry),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
 
 
-def _demand(found: Diagnosis, registry: Registry) -> str:
+def _demand(diagnosis: Diagnosis, registry: Registry) -> str:
     """Return the next action, by the verdict and the remaining gain."""
-    small, verdict = found.judgement.small, found.verdict
+    small, verdict = diagnosis.judgement.small, diagnosis.verdict
     if verdict == "unknown_effect" and small:
         return LITTLE_LEFT
     if verdict == "nothing_missing" and not small:
         return RECORD
-    if found.judgement.selected_class:
-        return DEMANDS["class_with_law" if LAW in found.judgement.selected_class else "class"]
-    if found.selected and all(is_record_mistake(registry, kind) for kind in found.selected):
+    if diagnosis.judgement.selected_class:
+        return DEMANDS["class_with_law" if LAW in diagnosis.judgement.selected_class else "class"]
+    if diagnosis.selected and all(is_record_mistake(registry, kind) for kind in diagnosis.selected):
         return DEMANDS["bench"]
-    decided = found.next_run is not None or verdict not in NEEDS_RUNS
+    decided = diagnosis.next_run is not None or verdict not in NEEDS_RUNS
     return DEMANDS[verdict] if decided else RECORD
 
 
-def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, Any]:
+def diagnosis_json(diagnosis: Diagnosis, next_file: str | None = None) -> dict[str, Any]:
     """Return the keys of docs/which_effect.md; numbers SI."""
-    noise = found.noise
+    noise = diagnosis.noise
     return {
-        **verdict_json(found.judgement),
-        "bookkeeping": mistakes_json(found.bookkeeping),
-        "hypotheses": hypotheses_json(found),
+        **verdict_json(diagnosis.judgement),
+        "bookkeeping": mistakes_json(diagnosis.bookkeeping),
+        "hypotheses": hypotheses_json(diagnosis),
         "not_excited": [
-            {"kind": kind, "run_that_would_excite_it": run} for kind, run in found.not_excited.items()
+            {"kind": kind, "run_that_would_excite_it": run} for kind, run in diagnosis.not_excited.items()
         ],
-        "indistinguishable": [vars(pair) for pair in found.indistinguishable],
-        "classes": [vars(one) for one in found.classes],
-        "posterior": None if (posterior := selected_posterior(found)) is None else posterior_json(posterior),
+        "indistinguishable": [vars(pair) for pair in diagnosis.indistinguishable],
+        "classes": [vars(one) for one in diagnosis.classes],
+        "posterior": None
+        if (posterior := selected_posterior(diagnosis)) is None
+        else posterior_json(posterior),
         "covariates": [
-            {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
+            {"name": name, "importance": value} for name, value in diagnosis.depends_on.items() if value > 0.0
         ],
-        "next_experiment": next_run_json(found.next_run, next_file),
-        "learned": learned_json(found.learned),
-        "law_error": law_error_json(found.law_off),
-        "smallest_detectable": [vars(one) for one in found.detectable],
+        "next_experiment": next_run_json(diagnosis.next_run, next_file),
+        "learned": learned_json(diagnosis.learned),
+        "law_error": law_error_json(diagnosis.law_off),
+        "smallest_detectable": [vars(one) for one in diagnosis.detectable],
         "floor": floors_json(noise.floors),
-        "n_samples": found.table.n_readings,
+        "n_samples": diagnosis.table.n_readings,
         "n_effective": noise.n_effective,
         "slip": noise.between_run_scatter,
         "drift": None
         if noise.drift is None
         else {"output": noise.drift.output, "share": noise.drift.share, "over_floor": noise.drift.size},
         "judged": noise.judged,
-        "remarks": list(found.remarks),
-        "wall_s": found.wall_s,
+        "remarks": list(diagnosis.remarks),
+        "wall_s": diagnosis.wall_s,
     }
 
 
-def selected_posterior(found: Diagnosis) -> Posterior | None:
+def selected_posterior(diagnosis: Diagnosis) -> Posterior | None:
     """Return the posterior of the selected effects; None where the verdict selects none."""
-    if not found.selected:
+    if not diagnosis.selected:
         return None
-    fit = found.fits[found.selected]
-    return laplace_posterior(fit, np.ones(len(found.readings)), found.noise.n_effective)
+    fit = diagnosis.fits[diagnosis.selected]
+    return laplace_posterior(fit, np.ones(len(diagnosis.readings)), diagnosis.noise.n_effective)
 
 
-def _unseen(found: Diagnosis) -> list[str]:
-    posterior = selected_posterior(found)
+def _unseen(diagnosis: Diagnosis) -> list[str]:
+    posterior = selected_posterior(diagnosis)
     return [] if posterior is None else unseen_words(posterior)
 
 
-def numbers_text(found: Diagnosis) -> str:
+def numbers_text(diagnosis: Diagnosis) -> str:
     """Return the numbers behind the verdict: held-out errors before and after, probabilities; may be empty."""
-    probability = found.judgement.probability
+    probability = diagnosis.judgement.probability
     best = next((kinds for kinds in probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
     before, after = (
-        found.table.over_floor(found.table.rows[kinds].heldout_square) for kinds in (NOTHING, best)
+        diagnosis.table.over_floor(diagnosis.table.rows[kinds].heldout_square) for kinds in (NOTHING, best)
     )
-    if not math.isfinite(before) or found.verdict in ("not_repeatable", "insufficient_data"):
+    if not math.isfinite(before) or diagnosis.verdict in ("not_repeatable", "insufficient_data"):
         return ""
     fall = f"the error on runs left out of the fit falls from {before:.2f} to {after:.2f} × the noise floor"
-    if found.verdict == "unknown_effect":
+    if diagnosis.verdict == "unknown_effect":
         return f"Even with {named(best)}, the most probable in the list, {fall} only."
-    if found.verdict == "missing_effect":
+    if diagnosis.verdict == "missing_effect":
         return f"With {named(best)} {fall} (probability {probability_text(probability[best])})."
-    if found.verdict in ("nothing_missing", "law_off"):
+    if diagnosis.verdict in ("nothing_missing", "law_off"):
         return f"The model as it is leaves an error of {before:.2f} × the noise floor."
-    probable = [f"{named(k)} {probability_text(probability[k])}" for k in found.judgement.credible[:4]]
+    probable = [f"{named(k)} {probability_text(probability[k])}" for k in diagnosis.judgement.credible[:4]]
     return f"The model as it is leaves {before:.2f} × the noise floor. Probabilities: {', '.join(probable)}."
 
 
-def implausible(found: Diagnosis) -> list[str]:
+def implausible(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence for each necessary parameter of the best explanation outside its plausible range."""
-    fitted = found.estimates.get(found.explained)
+    fitted = diagnosis.estimates.get(diagnosis.explained)
     return (
         []
         if fitted is None
@@ -226,16 +228,16 @@ def implausible(found: Diagnosis) -> list[str]:
     )
 
 
-def _brief(found: Diagnosis) -> tuple[Any, ...]:
-    rows, which = most_probable(found.judgement.probability, MOST_SHOWN)
-    shown = found.judgement.credible[:MOST_SHOWN]
-    fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
-    fitted += _unseen(found)
+def _brief(diagnosis: Diagnosis) -> tuple[Any, ...]:
+    rows, which = most_probable(diagnosis.judgement.probability, MOST_SHOWN)
+    shown = diagnosis.judgement.credible[:MOST_SHOWN]
+    fitted = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(diagnosis, k))]
+    fitted += _unseen(diagnosis)
     lines = [line for text in fitted for line in textwrap.wrap(text, WIDTH, subsequent_indent="  ")]
-    if found.not_excited:
+    if diagnosis.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
-        lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
-    return (brief_table(hypothesis_columns(found), rows, which), *lines)
+        lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in diagnosis.not_excited.items()]
+    return (brief_table(hypothesis_columns(diagnosis), rows, which), *lines)
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
@@ -292,14 +294,14 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     return drawn(hero, *made)
 
 
-def _next(found: Diagnosis) -> Section | None:
-    step = found.next_run
+def _next(diagnosis: Diagnosis) -> Section | None:
+    step = diagnosis.next_run
     if step is None:
         return None
     text = [f"{capital(step.run)} ({step.minutes:g} min).", f"Why: {step.why}."]
     if step.separates:
         text.append(f"One such run would distinguish {_separated(step.separates)}.")
-    title = "What to measure next" if found.verdict != "missing_effect" else "To be surer still"
+    title = "What to measure next" if diagnosis.verdict != "missing_effect" else "To be surer still"
     return Section(title, text=tuple(text), open=True)
 
 
@@ -339,27 +341,29 @@ def _changes(diagnosed: Diagnosed) -> Section:
     return Section(title if names else "The model in its worst runs", tuple(pictures), open=True)
 
 
-def _limits(found: Diagnosis, registry: Registry) -> Section:
-    notes = {kind: registry.get("effect", kind).implementation_class().notes for kind in found.excitations}
+def _limits(diagnosis: Diagnosis, registry: Registry) -> Section:
+    notes = {
+        kind: registry.get("effect", kind).implementation_class().notes for kind in diagnosis.excitations
+    }
     made = (
-        not_excited_table(found),
-        classes_table(found),
-        look_alikes_table(found, notes),
-        detectable_table(found),
+        not_excited_table(diagnosis),
+        classes_table(diagnosis),
+        look_alikes_table(diagnosis, notes),
+        detectable_table(diagnosis),
     )
-    asked, unexcited = len(found.excitations), len(found.not_excited)
+    asked, unexcited = len(diagnosis.excitations), len(diagnosis.not_excited)
     text = f"These runs excite {asked - unexcited} of the {asked} candidate effects."
-    text += "" if found.indistinguishable else " They distinguish all of these from each other."
+    text += "" if diagnosis.indistinguishable else " They distinguish all of these from each other."
     tables = tuple(table for table in made if table is not None)
     return Section("What these runs could not show", tables=tables, text=(text,))
 
 
-def _noise_text(found: Diagnosis, repeated: bool) -> list[str]:
+def _noise_text(diagnosis: Diagnosis, repeated: bool) -> list[str]:
     text = [
-        f"{found.table.n_readings} readings, worth {found.noise.n_effective:.0f} independent ones in what the "
+        f"{diagnosis.table.n_readings} readings, worth {diagnosis.noise.n_effective:.0f} independent ones in what the "
         "best explanation leaves: neighbours in time share their noise. All probabilities rest on the smaller number."
     ]
-    scatter = found.noise.between_run_scatter
+    scatter = diagnosis.noise.between_run_scatter
     if not repeated:
         text.append(
             "No run has the same inputs as another, so that the repeatability of the bench is unknown."
@@ -371,7 +375,7 @@ def _noise_text(found: Diagnosis, repeated: bool) -> list[str]:
     else:
         times = number(scatter, 2)
         text.append(f"Runs with the same inputs scatter {times} times as much as readings within a run.")
-    if not found.noise.judged:
+    if not diagnosis.noise.judged:
         text.append(
             "The floor comes from neighbouring readings only. Slow noise and offsets between runs are invisible to it: "
             "an error above it need not be the model's, and “an effect outside the list” cannot be judged."

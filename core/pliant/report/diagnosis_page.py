@@ -57,32 +57,32 @@ MOST_TWINS = 4
 OUTPUTS = 3
 
 
-def hypotheses_json(found: Diagnosis) -> list[dict[str, Any]]:
+def hypotheses_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Return every hypothesis, the most probable first."""
-    columns, keys = hypothesis_columns(found), ("mean_square", "heldout_square", "unseen_square")
+    columns, keys = hypothesis_columns(diagnosis), ("mean_square", "heldout_square", "unseen_square")
     made = []
-    for kinds in found.judgement.probability:
-        row = found.table.rows.get(kinds)
+    for kinds in diagnosis.judgement.probability:
+        row = diagnosis.table.rows.get(kinds)
         fitted = {key: getattr(row, key) for key in (*keys, "n_parameters", "at_limit")} if row else {}
-        forms = list(found.fits[kinds].candidate.forms) if kinds in found.fits else []
+        forms = list(diagnosis.fits[kinds].candidate.forms) if kinds in diagnosis.fits else []
         made.append({**as_json(columns, kinds), **fitted, "forms": forms})
     return made
 
 
-def hypotheses_table(found: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
+def hypotheses_table(diagnosis: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
     """Return the hypotheses of the bar chart, with parameters and the error of each output."""
-    rest = len(found.judgement.probability) - len(shown_kinds)
+    rest = len(diagnosis.judgement.probability) - len(shown_kinds)
     note = (
         "Errors are rms on runs left out of the fit. ±: one standard deviation, coloured noise counted. Implausible: "
         "outside the range that would not surprise an expert; take such a number for a correction, not a property."
     )
     more = f" {rest} more hypotheses are in the JSON." if rest else ""
-    return page_table("Hypotheses", hypothesis_columns(found), shown_kinds, note + more, 2)
+    return page_table("Hypotheses", hypothesis_columns(diagnosis), shown_kinds, note + more, 2)
 
 
-def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
+def hypothesis_columns(diagnosis: Diagnosis) -> tuple[Column[Kinds], ...]:
     """Return the columns of any hypothesis, including an effect outside the list."""
-    left = {kinds: found.left_out_errors(kinds) for kinds in found.fits}
+    left = {kinds: diagnosis.left_out_errors(kinds) for kinds in diagnosis.fits}
 
     def heldout(kinds: Kinds) -> dict[str, Any]:
         return {name: {"rmse": rmse, "unit": si_unit(name)} for name, rmse in left.get(kinds, {}).items()}
@@ -90,7 +90,7 @@ def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
     def ratio(kinds: Kinds, brief: bool = False) -> str:
         if kinds == UNKNOWN:
             return "any form" if brief else number(np.nan)
-        value = found.left_out_ratio(kinds)
+        value = diagnosis.left_out_ratio(kinds)
         return number(value, 3) if not brief else f"{value:.2f}" if np.isfinite(value) else "–"
 
     def error_column(name: str) -> Column[Kinds]:
@@ -101,20 +101,20 @@ def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
     return (
         Column(list, "kinds", "hypothesis", "hypothesis", named),
         Column(
-            lambda kinds: parameters_json(found.estimates.get(kinds)),
+            lambda kinds: parameters_json(diagnosis.estimates.get(kinds)),
             "parameters",
             "parameters",
-            text=lambda kinds: "; ".join(parameter_texts(found, kinds)) or "–",
+            text=lambda kinds: "; ".join(parameter_texts(diagnosis, kinds)) or "–",
         ),
         Column(
-            lambda kinds: found.judgement.probability.get(kinds, 0.0),
+            lambda kinds: diagnosis.judgement.probability.get(kinds, 0.0),
             "probability",
             "probability",
             "probability",
             show=probability_text,
         ),
         Column(
-            found.left_out_ratio,
+            diagnosis.left_out_ratio,
             "rmse_over_floor",
             "in noise floors",
             "left-out error / floor",
@@ -122,29 +122,29 @@ def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
             lambda kinds: ratio(kinds, True),
         ),
         Column(heldout, "heldout"),
-        *map(error_column, found.readings.outputs[:OUTPUTS]),
+        *map(error_column, diagnosis.readings.outputs[:OUTPUTS]),
     )
 
 
-def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
+def parameter_texts(diagnosis: Diagnosis, kinds: Kinds) -> list[str]:
     """Return each parameter of a hypothesis: ``share 0.213 ± 0.004``; implausible values are marked."""
-    if kinds not in found.estimates:
+    if kinds not in diagnosis.estimates:
         return []
     return [
         f"{f'{e.kind} ' if len(kinds) > 1 else ''}{parameter_word(e.parameter.name, e.parameter.unit)} "
         f"{estimate_text(e)}"
-        for e in found.estimates[kinds].estimates
+        for e in diagnosis.estimates[kinds].estimates
     ]
 
 
-def not_excited_table(found: Diagnosis) -> Table | None:
+def not_excited_table(diagnosis: Diagnosis) -> Table | None:
     """Return the effects that these runs cannot judge, and the run that would excite each."""
-    rows = [[kind, run or "none that this bench can do"] for kind, run in found.not_excited.items()]
+    rows = [[kind, run or "none that this bench can do"] for kind, run in diagnosis.not_excited.items()]
     note = "Even as strong as an expert considers plausible, they change these readings by less than 0.3 noise floors."
     return optional_table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
 
 
-def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
+def look_alikes_table(diagnosis: Diagnosis, notes: Notes) -> Table | None:
     """Return for each effect its confounders, and the test that distinguishes the leading ones."""
 
     def distinguishing_test(a: str, b: str) -> str:
@@ -155,7 +155,7 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         return ""
 
     twins: dict[str, list[tuple[str, float]]] = {}
-    for pair in found.indistinguishable:
+    for pair in diagnosis.indistinguishable:
         twins.setdefault(pair.a, []).append((pair.b, pair.unexplained_share))
     rows = []
     for a in sorted(twins, key=lambda kind: twins[kind][0][1]):
@@ -171,10 +171,10 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
     return optional_table("Look-alikes under these runs", head, rows, note, 3)
 
 
-def classes_table(found: Diagnosis) -> Table | None:
+def classes_table(diagnosis: Diagnosis) -> Table | None:
     """Return the effects that these runs do not distinguish, and the run that does."""
     rows = []
-    for one in found.classes:
+    for one in diagnosis.classes:
         parts = "; ".join(", ".join(part) for part in one.parts) if one.run else ""
         run = f"{one.run} ({one.minutes:g} min): {one.words}" if one.run else "–"
         rows.append([", ".join(one.kinds), run, parts])
@@ -186,13 +186,13 @@ def classes_table(found: Diagnosis) -> Table | None:
     return optional_table("Classes under these runs", head, rows, note, 3)
 
 
-def detectable_table(found: Diagnosis) -> Table | None:
+def detectable_table(diagnosis: Diagnosis) -> Table | None:
     """Return the smallest detectable strength of each effect."""
     rows = []
-    for one in found.detectable:
-        if one.kind in found.not_excited:
+    for one in diagnosis.detectable:
+        if one.kind in diagnosis.not_excited:
             continue
-        asked = found.excitations[one.kind].strength.declared
+        asked = diagnosis.excitations[one.kind].strength.declared
         none, low, high = (strength_text(v, one.unit) for v in (asked.neutral, *asked.plausible))
         reach = max(abs(end - asked.neutral) for end in asked.plausible)
         flag = " (beyond plausible)" if abs(one.value - asked.neutral) > reach else ""
@@ -203,10 +203,10 @@ def detectable_table(found: Diagnosis) -> Table | None:
     return optional_table("Smallest strengths that these runs would show", head, rows, note, 2)
 
 
-def noise_table(found: Diagnosis) -> Table:
+def noise_table(diagnosis: Diagnosis) -> Table:
     """Return floors by output, from the residuals of the best hypothesis."""
     rows = []
-    for name, floor in found.noise.floors.items():
+    for name, floor in diagnosis.noise.floors.items():
         words = output_unit(name)
         between = "no repeats" if floor.between is None else words.text(floor.between, 3)
         sigma = "not stated" if floor.sigma is None else words.text(floor.sigma, 3)

@@ -56,30 +56,32 @@ PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
 )
 
 
-def _written(found: Uncertainty, values: Mapping[str, float] | None) -> list[Written]:
-    return [(one, one.value if values is None else values[one.name]) for one in found.estimates]
+def _written(uncertainty: Uncertainty, values: Mapping[str, float] | None) -> list[Written]:
+    return [(one, one.value if values is None else values[one.name]) for one in uncertainty.estimates]
 
 
-def parameters_json(found: Uncertainty | None, values: Mapping[str, float] | None = None) -> dict[str, Any]:
+def parameters_json(
+    uncertainty: Uncertainty | None, values: Mapping[str, float] | None = None
+) -> dict[str, Any]:
     """Return the parameters by ``kind.name``; `values` are the rounded ones of a written study."""
-    if found is None:
+    if uncertainty is None:
         return {}
-    return {one[0].name: as_json(PARAMETER_COLUMNS, one) for one in _written(found, values)}
+    return {one[0].name: as_json(PARAMETER_COLUMNS, one) for one in _written(uncertainty, values)}
 
 
-def parameters_brief(found: Uncertainty) -> Table:
+def parameters_brief(uncertainty: Uncertainty) -> Table:
     """Return value, uncertainty and interval of each parameter, for the terminal."""
-    return brief_table(PARAMETER_COLUMNS, _written(found, None))
+    return brief_table(PARAMETER_COLUMNS, _written(uncertainty, None))
 
 
-def parameters_table(found: Uncertainty, title: str, note: str) -> Table:
+def parameters_table(uncertainty: Uncertainty, title: str, note: str) -> Table:
     """Return the same for the page, with doubts about the values."""
-    return page_table(title, PARAMETER_COLUMNS, _written(found, None), note)
+    return page_table(title, PARAMETER_COLUMNS, _written(uncertainty, None), note)
 
 
-def doubtful(found: Uncertainty) -> list[str]:
+def doubtful(uncertainty: Uncertainty) -> list[str]:
     """Return the doubts about values, a sentence each."""
-    return [f"{one.name}: {doubt}" for one in found.estimates for doubt in one.doubts]
+    return [f"{one.name}: {doubt}" for one in uncertainty.estimates for doubt in one.doubts]
 
 
 def floors_json(floors: Mapping[str, Floor]) -> dict[str, Any]:
@@ -88,31 +90,31 @@ def floors_json(floors: Mapping[str, Floor]) -> dict[str, Any]:
     return {name: {key: getattr(floor, key) for key in keys} for name, floor in floors.items()}
 
 
-def errors_json(found: Score) -> dict[str, Any]:
+def errors_json(score: Score) -> dict[str, Any]:
     """Return the RMS error of each output in its SI unit."""
-    return {name: {"rmse": value, "unit": si_unit(name)} for name, value in found.rmse.items()}
+    return {name: {"rmse": value, "unit": si_unit(name)} for name, value in score.rmse.items()}
 
 
-def verdict_json(found: Judgement) -> dict[str, Any]:
+def verdict_json(judgement: Judgement) -> dict[str, Any]:
     """Return the verdict, its reasons, and the remaining explanations, for measurements and for counts."""
-    said = [found.sentence] if found.verdict == "ambiguous" else []
+    said = [judgement.sentence] if judgement.verdict == "ambiguous" else []
     return {
-        "verdict": found.verdict,
-        "sentence": found.sentence,
-        "reasons": list(found.reasons) or said,
-        "selected": list(found.selected),
-        "selected_class": list(found.selected_class),
-        "beside_class": list(found.beside),
-        "credible_set": [list(kinds) for kinds in found.credible],
+        "verdict": judgement.verdict,
+        "sentence": judgement.sentence,
+        "reasons": list(judgement.reasons) or said,
+        "selected": list(judgement.selected),
+        "selected_class": list(judgement.selected_class),
+        "beside_class": list(judgement.beside),
+        "credible_set": [list(kinds) for kinds in judgement.credible],
     }
 
 
-def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
+def next_run_json(next_run: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
     """Return a proposed run; `file` is its protocol file."""
-    if found is None:
+    if next_run is None:
         return None
-    said = {key: value for key, value in vars(found).items() if key != "planned"}
-    return {**said, "ranked": [asdict(one) for one in found.ranked], "file": file}
+    said = {key: value for key, value in vars(next_run).items() if key != "planned"}
+    return {**said, "ranked": [asdict(one) for one in next_run.ranked], "file": file}
 
 
 def caveat(text: str) -> Warned:

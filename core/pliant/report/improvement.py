@@ -81,78 +81,82 @@ FLOOR_COLUMNS: tuple[Column[NamedFloor], ...] = (
 
 
 def improvement_document(
-    title: str, measurement: Measurement, found: Improvement, registry: Registry, asked: Sequence[str] = ()
+    title: str,
+    measurement: Measurement,
+    improvement: Improvement,
+    registry: Registry,
+    asked: Sequence[str] = (),
 ) -> Document:
     """Return the document of `pliant improve`; `asked` are effects requested by name."""
-    doubts = [] if found.final is None else doubtful(found.final.uncertainty)
+    doubts = [] if improvement.final is None else doubtful(improvement.final.uncertainty)
     return Document(
         kind="Pliant: a better model, step by step",
         title=title,
-        sentence=f"{summary(found)} {found.reason}",
-        data=improvement_json(found, measurement),
-        brief=_brief(found, measurement),
-        answers=improvement_answers(found),
-        warnings=(*map(Warned, doubts), *warned(registry, found.remarks, asked)),
-        draw=lambda: _drawn(found, measurement),
+        sentence=f"{summary(improvement)} {improvement.reason}",
+        data=improvement_json(improvement, measurement),
+        brief=_brief(improvement, measurement),
+        answers=improvement_answers(improvement),
+        warnings=(*map(Warned, doubts), *warned(registry, improvement.remarks, asked)),
+        draw=lambda: _drawn(improvement, measurement),
         footer=f"Measurement: {measurement.source or 'given in memory'}",
     )
 
 
-def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, Any]:
+def improvement_json(improvement: Improvement, measurement: Measurement) -> dict[str, Any]:
     """Return the keys of docs/extend_and_improve.md."""
     names = [run.name for run in measurement.runs]
-    final = found.final
+    final = improvement.final
     return {
-        "steps": [as_json(STEP_COLUMNS, placed) for placed in enumerate(found.steps, start=1)],
-        "stop": found.stop,
-        "reason": found.reason,
-        "named": [kind for step in found.steps if step.cause == "named" for kind in step.added],
-        "locked_runs": [names[k] for k in found.locked.runs],
-        "unseen_runs": [names[k] for k in found.locked.unseen],
-        "noise_floor": floors_json(found.floors),
-        "judged": found.judged,
-        "learned": learned_json(found.learned),
+        "steps": [as_json(STEP_COLUMNS, placed) for placed in enumerate(improvement.steps, start=1)],
+        "stop": improvement.stop,
+        "reason": improvement.reason,
+        "named": [kind for step in improvement.steps if step.cause == "named" for kind in step.added],
+        "locked_runs": [names[k] for k in improvement.locked.runs],
+        "unseen_runs": [names[k] for k in improvement.locked.unseen],
+        "noise_floor": floors_json(improvement.floors),
+        "judged": improvement.judged,
+        "learned": learned_json(improvement.learned),
         "parameters": {} if final is None else parameters_json(final.uncertainty, final.values),
         "posterior": None if final is None else fitted_posterior_json(final),
-        "band": None if found.bands is None else bands_json(*_judged_band(found, measurement)),
-        "next_experiment": next_run_json(found.next_run),
-        "remarks": list(found.remarks),
+        "band": None if improvement.bands is None else bands_json(*_judged_band(improvement, measurement)),
+        "next_experiment": next_run_json(improvement.next_run),
+        "remarks": list(improvement.remarks),
     }
 
 
-def summary(found: Improvement) -> str:
+def summary(improvement: Improvement) -> str:
     """Return the outcome in one sentence."""
-    first, last = found.steps[0].locked, found.steps[-1].locked
-    on = "runs that were held out" if found.locked.runs else found.scored_on
-    if len(found.steps) == 1:
+    first, last = improvement.steps[0].locked, improvement.steps[-1].locked
+    on = "runs that were held out" if improvement.locked.runs else improvement.scored_on
+    if len(improvement.steps) == 1:
         judged = np.isfinite(first.over_floor)
         size = f"{number(first.over_floor, 3)} times the noise" if judged else errors_text(first.rmse, {})
         return f"No effect was added: the error on {on} is {size}."
-    kinds = listed([step.named for step in found.steps if step.added])
+    kinds = listed([step.named for step in improvement.steps if step.added])
     verb = "falls" if last.over_floor < first.over_floor else "goes"
-    change = change_in_words(first, last, found.steps[-1].locked_se)
+    change = change_in_words(first, last, improvement.steps[-1].locked_se)
     fall = f"With {kinds} the error on {on} {verb} {change}."
-    return " ".join(filter(None, (fall, causes(found), *doubts(found))))
+    return " ".join(filter(None, (fall, causes(improvement), *doubts(improvement))))
 
 
-def doubts(found: Improvement) -> list[str]:
+def doubts(improvement: Improvement) -> list[str]:
     """Return doubts that the added effects explain everything: the remaining error, and implausible values."""
-    last = found.steps[-1]
+    last = improvement.steps[-1]
     left = Excess(last.locked.over_floor, last.locked_se)
     said = []
     if left.ratio > WIDE and not left.small:
         said.append(
             f"{number(left.ratio, 2)} times the noise is left: none of these explains all of the error."
         )
-    if found.final is not None:
-        estimates = found.final.uncertainty.estimates
+    if improvement.final is not None:
+        estimates = improvement.final.uncertainty.estimates
         said += [implausible_text(one) for one in estimates if not (one.plausible or one.simpler)]
     return said
 
 
-def causes(found: Improvement) -> str:
+def causes(improvement: Improvement) -> str:
     """Return which of the steps a verdict names as the cause, if any cause is open."""
-    steps = [step for step in found.steps if step.added and step.learned is None]
+    steps = [step for step in improvement.steps if step.added and step.learned is None]
     named = [kind for step in steps if step.cause == "named" for kind in step.added]
     unnamed = [kind for step in steps if step.cause != "named" for kind in step.added]
     if not unnamed:
@@ -161,9 +165,13 @@ def causes(found: Improvement) -> str:
     return f"{known}; {listed(unnamed)} stand{'s' if len(unnamed) == 1 else ''} for all effects that predict as well."
 
 
-def origin(found: Improvement, cited: str) -> str:
+def origin(improvement: Improvement, cited: str) -> str:
     """Return the origin of the values of the new study."""
-    aside = f"{plural(len(found.locked.runs), 'run')} held out" if found.locked.runs else "no run held out"
+    aside = (
+        f"{plural(len(improvement.locked.runs), 'run')} held out"
+        if improvement.locked.runs
+        else "no run held out"
+    )
     return f"fitted to {cited} by 'pliant improve', {aside}"
 
 
@@ -183,41 +191,41 @@ def _ratio(step: Step) -> str:
     return str(Excess(step.locked.over_floor, step.locked_se)) if np.isfinite(step.locked.over_floor) else "–"
 
 
-def _brief(found: Improvement, measurement: Measurement) -> tuple[Table | str, ...]:
-    if found.final is None:
-        return (*_whys(found), steps_brief(found))
-    shares = shares_brief(found.final)
-    fitted = (parameters_brief(found.final.uncertainty), *([shares] if shares else []))
-    return (*_whys(found), steps_brief(found), *fitted, *_how_sure(found, measurement))
+def _brief(improvement: Improvement, measurement: Measurement) -> tuple[Table | str, ...]:
+    if improvement.final is None:
+        return (*_whys(improvement), steps_brief(improvement))
+    shares = shares_brief(improvement.final)
+    fitted = (parameters_brief(improvement.final.uncertainty), *([shares] if shares else []))
+    return (*_whys(improvement), steps_brief(improvement), *fitted, *_how_sure(improvement, measurement))
 
 
-def _how_sure(found: Improvement, measurement: Measurement) -> list[str]:
+def _how_sure(improvement: Improvement, measurement: Measurement) -> list[str]:
     """Return what the data do not determine of the last model, and the coverage of its band."""
-    if found.final is None or found.bands is None:
+    if improvement.final is None or improvement.bands is None:
         return []
-    of = "runs that were held out" if found.locked.runs else "the runs that were fitted"
-    held = bands_words(*_judged_band(found, measurement), of, found.steps[-1].locked.over_floor)
-    return [*posterior_words(found.final), *([held] if held else [])]
+    of = "runs that were held out" if improvement.locked.runs else "the runs that were fitted"
+    held = bands_words(*_judged_band(improvement, measurement), of, improvement.steps[-1].locked.over_floor)
+    return [*posterior_words(improvement.final), *([held] if held else [])]
 
 
-def _judged_band(found: Improvement, measurement: Measurement) -> tuple[Bands, Measurement]:
+def _judged_band(improvement: Improvement, measurement: Measurement) -> tuple[Bands, Measurement]:
     """Return the band on the held-out runs, or on all runs without these."""
-    assert found.bands is not None
-    chosen = found.locked.runs or tuple(range(len(measurement.runs)))
+    assert improvement.bands is not None
+    chosen = improvement.locked.runs or tuple(range(len(measurement.runs)))
     aside = replace(measurement, runs=tuple(measurement.runs[k] for k in chosen))
-    return found.bands.select_runs(chosen), aside
+    return improvement.bands.select_runs(chosen), aside
 
 
-def _whys(found: Improvement) -> list[str]:
+def _whys(improvement: Improvement) -> list[str]:
     """Return the reason for each step."""
-    named = (f"+ {step.named}: " if step.added else "" for step in found.steps)
+    named = (f"+ {step.named}: " if step.added else "" for step in improvement.steps)
     return [
         f"{place}  {added}{step.why}"
-        for place, (added, step) in enumerate(zip(named, found.steps, strict=True), 1)
+        for place, (added, step) in enumerate(zip(named, improvement.steps, strict=True), 1)
     ]
 
 
-def step_columns(found: Improvement) -> tuple[Column[Placed], ...]:
+def step_columns(improvement: Improvement) -> tuple[Column[Placed], ...]:
     """Return the columns of the steps: those of JSON, and errors on the held-out runs by output, over the noise."""
 
     def error(name: str) -> Column[Placed]:
@@ -228,18 +236,18 @@ def step_columns(found: Improvement) -> tuple[Column[Placed], ...]:
         "1.locked.over_floor", "", "in floors", "over the noise", text=lambda placed: _ratio(placed[1])
     )
     training: Column[Placed] = Column("1.training.over_floor", "", "training, left out", show=3)
-    return (*STEP_COLUMNS, *map(error, found.steps[0].locked.rmse), ratio, training)
+    return (*STEP_COLUMNS, *map(error, improvement.steps[0].locked.rmse), ratio, training)
 
 
-def steps_brief(found: Improvement) -> Table:
+def steps_brief(improvement: Improvement) -> Table:
     """Return errors on the held-out runs, a step a row; if these do not fit into a row, a step a column."""
     table, names = (
-        brief_table(step_columns(found), list(enumerate(found.steps, start=1))),
-        list(found.steps[0].locked.rmse),
+        brief_table(step_columns(improvement), list(enumerate(improvement.steps, start=1))),
+        list(improvement.steps[0].locked.rmse),
     )
-    known = {name: floor.value for name, floor in found.floors.items() if floor.value > 0.0}
+    known = {name: floor.value for name, floor in improvement.floors.items() if floor.value > 0.0}
     floors = (output_unit(name).text(known[name], 3) if name in known else "–" for name in names)
-    head = [f"error on {found.scored_on}", *table.head[1:]]
+    head = [f"error on {improvement.scored_on}", *table.head[1:]]
     rows = [*table.rows, ["noise floor", *floors, "1" if all(name in known for name in names) else "–"]]
     if len(names) > MOST_IN_A_ROW:
         steps = [str(place) for place in range(1, len(rows))]
@@ -250,53 +258,62 @@ def steps_brief(found: Improvement) -> Table:
     return Table("", head, rows)
 
 
-def _drawn(found: Improvement, measurement: Measurement) -> Drawn:
-    data = "runs that were held out before anything was looked at" if found.locked.runs else found.scored_on
+def _drawn(improvement: Improvement, measurement: Measurement) -> Drawn:
+    data = (
+        "runs that were held out before anything was looked at"
+        if improvement.locked.runs
+        else improvement.scored_on
+    )
     most = f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
     caption = (
         f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
         "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
-        f"scatter leaves to no model.{most if len(found.floors) > MOST_OUTPUTS else ''}"
+        f"scatter leaves to no model.{most if len(improvement.floors) > MOST_OUTPUTS else ''}"
     )
-    hero = Picture("steps", caption, steps_chart(found))
+    hero = Picture("steps", caption, steps_chart(improvement))
     title = "Step by step"
-    steps = page_table(title, step_columns(found), list(enumerate(found.steps, start=1)), numeric=2)
+    steps = page_table(
+        title, step_columns(improvement), list(enumerate(improvement.steps, start=1)), numeric=2
+    )
     note = "Fitted to the training runs only. Intervals: profile of the error."
-    final = found.final
+    final = improvement.final
     added = None if final is None else parameters_table(final.uncertainty, "What was added", note)
     note = "Of all runs, as the residuals of the last model show it."
-    floors = page_table("Noise floor", FLOOR_COLUMNS, list(found.floors.items()), note)
+    floors = page_table("Noise floor", FLOOR_COLUMNS, list(improvement.floors.items()), note)
     return drawn(
         hero,
-        section(title, steps, text=(*_whys(found), f"Why it stopped: {found.reason}"), open=True),
+        section(title, steps, text=(*_whys(improvement), f"Why it stopped: {improvement.reason}"), open=True),
         section("What was added", added),
-        learned_section(found.learned),
+        learned_section(improvement.learned),
         section(
             "How sure the prediction is",
-            _band_picture(found, measurement),
+            _band_picture(improvement, measurement),
             None if final is None else shares_table(final),
-            text=_how_sure(found, measurement),
+            text=_how_sure(improvement, measurement),
         ),
         section("Noise floor", floors),
     )
 
 
-def _band_picture(found: Improvement, measurement: Measurement) -> Picture | None:
+def _band_picture(improvement: Improvement, measurement: Measurement) -> Picture | None:
     """Draw the band over the held-out runs, of the output that the steps changed most."""
-    if found.bands is None:
+    if improvement.bands is None:
         return None
-    first, last = found.steps[0].locked.rmse, found.steps[-1].locked.rmse
-    held = [name for name in last if name in found.bands.half_width()]
+    first, last = improvement.steps[0].locked.rmse, improvement.steps[-1].locked.rmse
+    held = [name for name in last if name in improvement.bands.half_width()]
     if not held:
         return None
     output = min(held, key=lambda name: last[name] / first[name] if first[name] > 0.0 else 1.0)
-    centre = found.bands.centre
-    shown = Compared(measurement, centre, compare(measurement, centre), found.bands)
-    names = [measurement.runs[k].name for k in found.locked.runs] or [run.name for run in measurement.runs]
-    which = "runs that were held out" if found.locked.runs else "runs that were fitted"
+    centre = improvement.bands.centre
+    shown = Compared(measurement, centre, compare(measurement, centre), improvement.bands)
+    names = [measurement.runs[k].name for k in improvement.locked.runs] or [
+        run.name for run in measurement.runs
+    ]
+    which = "runs that were held out" if improvement.locked.runs else "runs that were fitted"
     cut = f" The first {MOST} of {len(names)}." if len(names) > MOST else ""
     caption = (
-        f"{capital(output_unit(output).label)} in {which}, with the {whole_percent(found.bands.level)} band of what "
+        f"{capital(output_unit(output).label)} in {which}, with the {whole_percent(improvement.bands.level)} "
+        "band of what "
         "the last model would read there: its parameters' posterior, its laws' error bars and the noise of a reading."
         f"{cut}"
     )

@@ -31,80 +31,80 @@ NINETY = 1.6449  # half-width of a central 90 % band in standard deviations
 POINTS, CELLS = 400, 90
 
 
-def law_error_json(found: LawOff | None) -> dict[str, Any] | None:
+def law_error_json(law_off: LawOff | None) -> dict[str, Any] | None:
     """Return the law's error, SI; the surface in the form of `learned`."""
-    if found is None:
+    if law_off is None:
         return None
     plain = {
-        key: getattr(found, key)
+        key: getattr(law_off, key)
         for key in ("size", "effort", "output", "change", "drive", "actuation", "reading", "share")
     }
-    return {**plain, "surface": learned_json(found.term)}
+    return {**plain, "surface": learned_json(law_off.term)}
 
 
-def learned_json(found: LearnedTerm | None) -> dict[str, Any] | None:
+def learned_json(term: LearnedTerm | None) -> dict[str, Any] | None:
     """Return the term as a study's block, the reduction of the error on held-out runs, and its certainty."""
-    if found is None:
+    if term is None:
         return None
     return {
-        "effect": found.effect.canonical(),
-        "depends_on": [axis.name for axis in found.form.axes],
-        "acts_on": found.form.acts_on,
-        "rmse_over_floor": {"without": found.before, "with": found.after},
-        "left_out": found.on,
-        "standard_errors": found.sure,
-        "effective_values": found.freedom,
-        "forms_tried": found.tried,
-        "description": capital(described(found)),
+        "effect": term.effect.canonical(),
+        "depends_on": [axis.name for axis in term.form.axes],
+        "acts_on": term.form.acts_on,
+        "rmse_over_floor": {"without": term.before, "with": term.after},
+        "left_out": term.on,
+        "standard_errors": term.sure,
+        "effective_values": term.freedom,
+        "forms_tried": term.tried,
+        "description": capital(described(term)),
     }
 
 
-def learned_section(found: LearnedTerm | None) -> Section | None:
+def learned_section(term: LearnedTerm | None) -> Section | None:
     """Return the curve with its band, and its description; None without a term."""
-    if found is None:
+    if term is None:
         return None
     caption = (
         "Line and dots: the learned values; band: 90 %. Grey: beyond the data, where the term falls to zero."
-        if len(found.form.axes) == 1
+        if len(term.form.axes) == 1
         else "Left: the learned values; right: half the width of their 90 % band. Dashed: where the data end; beyond "
         "it the term falls to zero."
     )
     fall = (
-        f"On {found.on} of the fit the error is {found.before:.2f} times the noise without it and {found.after:.2f} "
-        f"times with it, a fall of {found.sure:.0f} standard errors; {found.tried} forms were tried, and the smallest "
+        f"On {term.on} of the fit the error is {term.before:.2f} times the noise without it and {term.after:.2f} "
+        f"times with it, a fall of {term.sure:.0f} standard errors; {term.tried} forms were tried, and the smallest "
         "that predicts as well as the best was taken."
     )
     title = "A learned term for what no listed effect explains"
-    picture = Picture("learned", caption, learned_chart(found))
-    return Section(title, (picture,), text=(capital(described(found)), fall), open=True)
+    picture = Picture("learned", caption, learned_chart(term))
+    return Section(title, (picture,), text=(capital(described(term)), fall), open=True)
 
 
-def law_section(found: LawOff | None) -> Section | None:
+def law_section(law_off: LawOff | None) -> Section | None:
     """Return the law's own error with its band over the data; None without one."""
-    if found is None:
+    if law_off is None:
         return None
     caption = (
         "Line and dots: what has to be added to the law's moment; band: 90 %. Grey: no data."
-        if len(found.term.form.axes) == 1
+        if len(law_off.term.form.axes) == 1
         else "Left: what has to be added to the law's moment; right: half the width of its 90 % band. Dashed: where "
         "the data end."
     )
     text = (
-        f"The law is off {found.words}. Its error is {percent(found.size)} of the torque range "
-        f"({display_unit('N*m').text(found.effort, 3)}) and explains {whole_percent(found.share)} of the squared "
+        f"The law is off {law_off.words}. Its error is {percent(law_off.size)} of the torque range "
+        f"({display_unit('N*m').text(law_off.effort, 3)}) and explains {whole_percent(law_off.share)} of the squared "
         "error.",
-        f"On {found.term.on} of the fit the error is {found.term.before:.2f} times the noise with the law as it is "
-        f"and {found.term.after:.2f} times with the correction.",
+        f"On {law_off.term.on} of the fit the error is {law_off.term.before:.2f} times the noise with the law as it is "
+        f"and {law_off.term.after:.2f} times with the correction.",
     )
-    picture = Picture("law_error", caption, learned_chart(found.term))
+    picture = Picture("law_error", caption, learned_chart(law_off.term))
     return Section("The error of the law", (picture,), text=text, open=True)
 
 
-def learned_chart(found: LearnedTerm) -> Chart:
+def learned_chart(term: LearnedTerm) -> Chart:
     """Return the curve over its covariate with its band, or over two covariates the values and their uncertainty."""
-    if (curve := covariate_curve(found)) is not None:
+    if (curve := covariate_curve(term)) is not None:
         return Chart((_curve_panel(curve),), cell=(1350, 560))
-    return Chart(_map_panels(found), across=2, cell=(850, 640))
+    return Chart(_map_panels(term), across=2, cell=(850, 640))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,23 +128,23 @@ class LearnedCurve:
     ends: tuple[float, float]
 
 
-def covariate_curve(found: LearnedTerm) -> LearnedCurve | None:
+def covariate_curve(term: LearnedTerm) -> LearnedCurve | None:
     """Return the curve over one covariate; None for a term over two."""
-    if len(found.form.axes) != 1:
+    if len(term.form.axes) != 1:
         return None
-    (axis,) = found.form.axes
-    label, unit = quantity(found)
-    words = covariate_words(axis, found.drive)
+    (axis,) = term.form.axes
+    label, unit = quantity(term)
+    words = covariate_words(axis, term.drive)
     x = _around(axis, POINTS)
-    weights = basis(found.form.axes, [x])
+    weights = basis(term.form.axes, [x])
     return LearnedCurve(
         ChartAxis(words.label, words.symbol),
         ChartAxis(label, unit.symbol),
         x * words.factor,
-        weights @ found.value * unit.factor,
-        NINETY * _deviation(found, weights) * unit.factor,
+        weights @ term.value * unit.factor,
+        NINETY * _deviation(term, weights) * unit.factor,
         np.asarray(axis.at) * words.factor,
-        found.value * unit.factor,
+        term.value * unit.factor,
         (axis.low * words.factor, axis.high * words.factor),
     )
 
@@ -166,19 +166,19 @@ def _curve_panel(curve: LearnedCurve) -> Panel:
     return Panel(over, curve.what, marks, "What the learned term adds")
 
 
-def _map_panels(found: LearnedTerm) -> tuple[Panel, ...]:
-    label, unit = quantity(found)
-    words = [covariate_words(axis, found.drive) for axis in found.form.axes]
-    sides = [_around(axis, CELLS) for axis in found.form.axes]
-    weights = basis(found.form.axes, [v.ravel() for v in np.meshgrid(*sides, indexing="ij")])
-    value = (weights @ found.value).reshape(CELLS, CELLS) * unit.factor
-    band = NINETY * unit.factor * _deviation(found, weights).reshape(CELLS, CELLS)
+def _map_panels(term: LearnedTerm) -> tuple[Panel, ...]:
+    label, unit = quantity(term)
+    words = [covariate_words(axis, term.drive) for axis in term.form.axes]
+    sides = [_around(axis, CELLS) for axis in term.form.axes]
+    weights = basis(term.form.axes, [v.ravel() for v in np.meshgrid(*sides, indexing="ij")])
+    value = (weights @ term.value).reshape(CELLS, CELLS) * unit.factor
+    band = NINETY * unit.factor * _deviation(term, weights).reshape(CELLS, CELLS)
     reach = float(np.abs(value).max()) or 1.0
     x, y = (ChartAxis(one.label, one.symbol) for one in words)
     edges = [_edges(side * one.factor) for side, one in zip(sides, words, strict=True)]
     (left, right), (low, high) = (
         (axis.low * one.factor, axis.high * one.factor)
-        for axis, one in zip(found.form.axes, words, strict=True)
+        for axis, one in zip(term.form.axes, words, strict=True)
     )
     corners = np.array([left, right, right, left, left]), np.array([low, low, high, high, low])
     box = ChartLine("ends of the data", *corners, width=1.0, dashed=True)
@@ -200,8 +200,8 @@ def _around(axis: CurveAxis, count: int) -> Array:
     return np.linspace(axis.low - more, axis.high + more, count)
 
 
-def _deviation(found: LearnedTerm, weights: Array) -> Array:
-    return np.sqrt(np.einsum("tk,kl,tl->t", weights, found.covariance, weights))
+def _deviation(term: LearnedTerm, weights: Array) -> Array:
+    return np.sqrt(np.einsum("tk,kl,tl->t", weights, term.covariance, weights))
 
 
 def _edges(middles: Array) -> Array:

@@ -88,68 +88,73 @@ def plan_document(
     )
 
 
-def design_document(title: str, found: RunDesign, files: Sequence[str], registry: Registry) -> Document:
+def design_document(title: str, design: RunDesign, files: Sequence[str], registry: Registry) -> Document:
     """Return the fewest runs that distinguish effects, before any measurement; `files` are their protocol files.
 
     Without `files` the runs are named alone.
     """
-    files = files or [""] * len(found.chosen)
-    lines: list[Table | str] = [_signals(found)] if found.chosen else []
-    for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
-        run = found.runs[k]
+    files = files or [""] * len(design.chosen)
+    lines: list[Table | str] = [_signals(design)] if design.chosen else []
+    for number, (k, count, file) in enumerate(zip(design.chosen, design.parts[1:], files, strict=True), 1):
+        run = design.runs[k]
         lines.append(f"run {number}: {run.name} ({run.minutes:g} min): {run.words}")
         groups = f"  {plural(count, 'group')} of effects distinguished so far"
         lines.append(f"{groups}; file   {file}" if file else groups)
     whole = (
-        f"{plural(len(found.chosen), 'run')}, {found.minutes:g} min: "
-        f"{plural(found.parts[-1], 'group')} of {plural(len(found.snr), 'effect')}."
+        f"{plural(len(design.chosen), 'run')}, {design.minutes:g} min: "
+        f"{plural(design.parts[-1], 'group')} of {plural(len(design.snr), 'effect')}."
     )
     return Document(
         kind=KIND,
         title=title,
-        sentence=whole if found.chosen else NONE_SHOWS,
-        data=design_json(found, files),
+        sentence=whole if design.chosen else NONE_SHOWS,
+        data=design_json(design, files),
         brief=tuple(lines),
         closing=(
             whole,
-            *(f"not distinguished: {listed(list(part))}" for part in found.together),
+            *(f"not distinguished: {listed(list(part))}" for part in design.together),
             *(
-                [f"shown by none of these runs: {listed(list(found.not_excited))}"]
-                if found.not_excited
+                [f"shown by none of these runs: {listed(list(design.not_excited))}"]
+                if design.not_excited
                 else []
             ),
         )
-        if found.chosen
+        if design.chosen
         else (),
         warnings=package_warnings(
             registry,
-            [Remark(f"'{kind}' was left out: {why}", left_out=kind) for kind, why in found.not_tried.items()],
+            [
+                Remark(f"'{kind}' was left out: {why}", left_out=kind)
+                for kind, why in design.not_tried.items()
+            ],
         ),
     )
 
 
-def design_json(found: RunDesign, files: Sequence[str]) -> dict[str, Any]:
+def design_json(design: RunDesign, files: Sequence[str]) -> dict[str, Any]:
     """Return the keys of docs/plan_the_next_experiment.md without data."""
     menu = [
-        {**as_json(RUN_COLUMNS, run), "snr": {kind: values[k] for kind, values in found.snr.items()}}
-        for k, run in enumerate(found.runs)
+        {**as_json(RUN_COLUMNS, run), "snr": {kind: values[k] for kind, values in design.snr.items()}}
+        for k, run in enumerate(design.runs)
     ]
     runs = [
-        {**as_json(RUN_COLUMNS, found.runs[k]), "groups": count, "file": file}
-        for k, count, file in zip(found.chosen, found.parts[1:], files, strict=True)
+        {**as_json(RUN_COLUMNS, design.runs[k]), "groups": count, "file": file}
+        for k, count, file in zip(design.chosen, design.parts[1:], files, strict=True)
     ]
     return {
         "menu": menu,
         "runs": runs,
-        "minutes": found.minutes,
-        "classes": [{"kinds": list(part)} for part in found.together],
-        "not_shown": list(found.not_excited),
-        "not_tried": dict(found.not_tried),
+        "minutes": design.minutes,
+        "classes": [{"kinds": list(part)} for part in design.together],
+        "not_shown": list(design.not_excited),
+        "not_tried": dict(design.not_tried),
     }
 
 
-def _signals(found: RunDesign) -> Table:
+def _signals(design: RunDesign) -> Table:
     """Return effects × chosen runs: change over the noise at the end of the plausible range."""
-    head = ["change / noise", *(f"run {number}" for number in range(1, len(found.chosen) + 1))]
-    rows = [[kind, *(f"{values[k]:.1f}" for k in found.chosen)] for kind, values in sorted(found.snr.items())]
+    head = ["change / noise", *(f"run {number}" for number in range(1, len(design.chosen) + 1))]
+    rows = [
+        [kind, *(f"{values[k]:.1f}" for k in design.chosen)] for kind, values in sorted(design.snr.items())
+    ]
     return Table("", head, rows)

@@ -37,14 +37,14 @@ def posterior_json(posterior: Posterior) -> dict[str, Any]:
     }
 
 
-def fitted_posterior_json(found: Extension) -> dict[str, Any]:
+def fitted_posterior_json(extension: Extension) -> dict[str, Any]:
     """Return the same with the spread of the outputs over draws of it."""
-    exploration = found.exploration
+    exploration = extension.exploration
     if exploration is None:
-        return posterior_json(found.posterior)
+        return posterior_json(extension.posterior)
     return {
-        **posterior_json(found.posterior),
-        "normal": found.normal,
+        **posterior_json(extension.posterior),
+        "normal": extension.normal,
         "draws": len(exploration.x),
         "draws_worth": exploration.worth,
         "mean_off": exploration.off,
@@ -59,13 +59,13 @@ def fitted_posterior_json(found: Extension) -> dict[str, Any]:
     }
 
 
-def bands_json(found: Bands, measurement: Measurement) -> dict[str, Any]:
+def bands_json(bands: Bands, measurement: Measurement) -> dict[str, Any]:
     """Return the coverage of the band at its level on a measurement's readings."""
-    held, half = found.held(measurement), found.half_width()
+    held, half = bands.held(measurement), bands.half_width()
     outputs = {
         name: {"half_width": half[name], "unit": si_unit(name), "held": held.get(name)} for name in half
     }
-    return {"level": found.level, "outputs": outputs}
+    return {"level": bands.level, "outputs": outputs}
 
 
 def unseen_words(posterior: Posterior) -> list[str]:
@@ -73,13 +73,13 @@ def unseen_words(posterior: Posterior) -> list[str]:
     return [one.words for one in unidentifiable_directions(posterior)]
 
 
-def posterior_words(found: Extension) -> list[str]:
+def posterior_words(extension: Extension) -> list[str]:
     """Return the same, whether the bars are rough, and whether all parameters contribute alike to the prediction."""
-    rough = "" if found.normal is not False else f"The bars are approximate: {_unlike(found)}."
-    shares = found.exploration.shares if found.exploration is not None else {}
-    alike = shares and len(found.posterior.names) > 1 and all(map(_alike, shares.values()))
+    rough = "" if extension.normal is not False else f"The bars are approximate: {_unlike(extension)}."
+    shares = extension.exploration.shares if extension.exploration is not None else {}
+    alike = shares and len(extension.posterior.names) > 1 and all(map(_alike, shares.values()))
     equal = "The parameters are determined separately: all contribute equally to the uncertainty of the prediction."
-    return [*unseen_words(found.posterior), *([rough] if rough else []), *([equal] if alike else [])]
+    return [*unseen_words(extension.posterior), *([rough] if rough else []), *([equal] if alike else [])]
 
 
 def _alike(shares: Mapping[str, Share]) -> bool:
@@ -88,9 +88,12 @@ def _alike(shares: Mapping[str, Share]) -> bool:
     return all(abs(value - equal) <= ALIKE for one in shares.values() for value in (one.first, one.total))
 
 
-def _unlike(found: Extension) -> str:
+def _unlike(extension: Extension) -> str:
     """Return in what the posterior differs from a normal distribution."""
-    exploration, side = found.exploration, asymmetric_parameter(found.posterior, found.uncertainty)
+    exploration, side = (
+        extension.exploration,
+        asymmetric_parameter(extension.posterior, extension.uncertainty),
+    )
     hold = "the 90 % intervals are profiles, which follow that"
     if side is not None:
         way = "up" if side.upwards else "down"
@@ -105,24 +108,24 @@ def _unlike(found: Extension) -> str:
     k = int(np.argmax(told))
     way = "above" if exploration.off[k] > 0 else "below"
     return (
-        f"the posterior of {found.posterior.names[k]} is {exploration.factor[k]:.2f} times as wide as its bar, its "
+        f"the posterior of {extension.posterior.names[k]} is {exploration.factor[k]:.2f} times as wide as its bar, its "
         f"mean {abs(exploration.off[k]):.1f} bars {way} the best value; {hold}"
     )
 
 
-def bands_words(found: Bands, measurement: Measurement, of: str, over_floor: float = np.nan) -> str:
+def bands_words(bands: Bands, measurement: Measurement, of: str, over_floor: float = np.nan) -> str:
     """Return how many readings are within the band; an empty text where no output has one.
 
     `over_floor`: the error over its noise. Clearly above 1 the band is as wide as the misfit and covers the readings of
     any model, which the text states.
     """
-    held = found.held(measurement)
+    held = bands.held(measurement)
     if not held:
         return ""
     texts = [f"{whole_percent(share)} ({output_unit(name).label})" for name, share in held.items()]
     more = f", {len(texts) - OUTPUTS_SHOWN} more outputs in the report" if len(texts) > OUTPUTS_SHOWN else ""
     shown = listed(texts[:OUTPUTS_SHOWN])
-    band = f"The {whole_percent(found.level)} band"
+    band = f"The {whole_percent(bands.level)} band"
     if over_floor > WIDE:
         return (
             f"{band} is as wide as what the model misses, {number(over_floor, 2)} times the noise: that it holds "
@@ -131,18 +134,18 @@ def bands_words(found: Bands, measurement: Measurement, of: str, over_floor: flo
     return f"{band} holds {shown} of the readings of {of}{more}."
 
 
-def shares_brief(found: Extension) -> Table | None:
+def shares_brief(extension: Extension) -> Table | None:
     """Return each parameter's share of the prediction's variance, for the terminal.
 
     None with one parameter, if none moves a reading, or if all move them alike.
     """
-    columns, rows = _shares(found)
+    columns, rows = _shares(extension)
     return brief_table(columns, rows) if columns else None
 
 
-def shares_table(found: Extension) -> Table | None:
+def shares_table(extension: Extension) -> Table | None:
     """Return the same for the page."""
-    columns, rows = _shares(found)
+    columns, rows = _shares(extension)
     note = (
         "Of the variance that the parameters' uncertainty gives the prediction of these runs: alone, what would go "
         "away if this parameter were known, with all that it implies about the others; beside the others, what would "
@@ -152,13 +155,13 @@ def shares_table(found: Extension) -> Table | None:
     return page_table("What the prediction depends on", columns, rows, note) if columns else None
 
 
-def _shares(found: Extension) -> tuple[tuple[Column[Shared], ...], Sequence[Shared]]:
-    exploration = found.exploration
-    if exploration is None or not exploration.shares or len(found.posterior.names) < 2:
+def _shares(extension: Extension) -> tuple[tuple[Column[Shared], ...], Sequence[Shared]]:
+    exploration = extension.exploration
+    if exploration is None or not exploration.shares or len(extension.posterior.names) < 2:
         return (), ()
 
     def above(name: str) -> float:
-        return -exploration.spread.get(name, 0.0) / max(found.scatter[name].left, 1e-300)
+        return -exploration.spread.get(name, 0.0) / max(extension.scatter[name].left, 1e-300)
 
     telling = [name for name, shares in exploration.shares.items() if not _alike(shares)]
     if not telling:
@@ -166,7 +169,7 @@ def _shares(found: Extension) -> tuple[tuple[Column[Shared], ...], Sequence[Shar
     outputs = sorted(telling, key=above)[:OUTPUTS_SHOWN]
     rows = [
         (name, {output: exploration.shares[output][name] for output in outputs})
-        for name in found.posterior.names
+        for name in extension.posterior.names
     ]
     columns: list[Column[Shared]] = [Column("0", "", "parameter", "prediction depends on")]
     for output in outputs:

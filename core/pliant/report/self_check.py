@@ -45,11 +45,11 @@ NOTE = (
 SHOWN = 3
 
 
-def defaults_json(found: SelfCheck) -> dict[str, Any]:
+def defaults_json(check: SelfCheck) -> dict[str, Any]:
     """Return a run's JSON on defaults."""
     return {
-        "defaults_that_matter": [as_json(DEFAULTS, one) for one in found.defaults],
-        "defaults_not_checked": [as_json(NOT_CHECKED, one) for one in found.not_checked],
+        "defaults_that_matter": [as_json(DEFAULTS, one) for one in check.defaults],
+        "defaults_not_checked": [as_json(NOT_CHECKED, one) for one in check.not_checked],
     }
 
 
@@ -60,18 +60,18 @@ def defaults_section(summary: Mapping[str, Any]) -> Section | None:
     return section("Defaults that the answer depends on", *_tables(matter, left))
 
 
-def defaults_lines(found: SelfCheck) -> list[str]:
+def defaults_lines(check: SelfCheck) -> list[str]:
     """Return the terminal's lines on a run's defaults, and those that `pliant doctor` would add."""
     lines = []
-    if found.defaults:
+    if check.defaults:
         words = [
             f"{one.key} {quantity(one.value, one.unit, 4)} ({one.metric} {percent(one.change)} for a tenth more)"
-            for one in found.defaults[:SHOWN]
+            for one in check.defaults[:SHOWN]
         ]
-        more = f"; {len(found.defaults) - SHOWN} more in the report" if len(found.defaults) > SHOWN else ""
+        more = f"; {len(check.defaults) - SHOWN} more in the report" if len(check.defaults) > SHOWN else ""
         lines.append(f"defaults     not stated, and the answer depends on them: {', '.join(words)}{more}")
-    rest = ["rest pose"] if NOT_SETTLED in found.checks else []
-    if slow := sum(one.too_long for one in found.not_checked):
+    rest = ["rest pose"] if NOT_SETTLED in check.checks else []
+    if slow := sum(one.too_long for one in check.not_checked):
         rest.append(plural(slow, "default"))
     if rest:
         lines.append(f"not checked  {listed(rest)}: pliant doctor")

@@ -94,14 +94,14 @@ def _by_study(by_stage: dict[str, list[StoreEntry]]) -> Iterator[Kept]:
                 yield _kept(study, stage, own)
 
 
-def _kept(study: str, stage: str, found: Sequence[StoreEntry]) -> Kept:
+def _kept(study: str, stage: str, entries: Sequence[StoreEntry]) -> Kept:
     return Kept(
         study,
         stage,
-        len(found),
-        sum(one.size_bytes for one in found),
-        max(one.created for one in found),
-        sum(_finite(one.wall_s for one in found)),
+        len(entries),
+        sum(one.size_bytes for one in entries),
+        max(one.created for one in entries),
+        sum(_finite(one.wall_s for one in entries)),
     )
 
 

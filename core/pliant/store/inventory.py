@@ -67,10 +67,10 @@ def _entry(folder: Path, used: dict[str, tuple[str, ...]]) -> StoreEntry:
 
 
 def damaged(
-    found: Sequence[StoreEntry], tick: Callable[[], None] = lambda: None
+    entries: Sequence[StoreEntry], tick: Callable[[], None] = lambda: None
 ) -> Iterator[tuple[StoreEntry, str]]:
     """Yield artifacts that do not match their checksums, each with the cause; `tick` is called for each one read."""
-    for entry in found:
+    for entry in entries:
         try:
             load_artifact(entry.folder, entry.key)
         except (CorruptedError, UserError) as error:
@@ -79,14 +79,14 @@ def damaged(
 
 
 def to_prune(
-    found: Sequence[StoreEntry], older_s: float | None = None, most_bytes: int | None = None
+    entries: Sequence[StoreEntry], older_s: float | None = None, most_bytes: int | None = None
 ) -> list[StoreEntry]:
     """Return entries older than `older_s`, and the oldest ones beyond a total size of those that stay.
 
     Entries without a readable date count as the oldest.
     """
     now = time.time()
-    by_age = sorted(found, key=lambda entry: entry.created)
+    by_age = sorted(entries, key=lambda entry: entry.created)
     gone = [entry for entry in by_age if older_s is not None and _age_s(entry, now) > older_s]
     stay = [entry for entry in by_age if entry not in gone]
     size = sum(entry.size_bytes for entry in stay)

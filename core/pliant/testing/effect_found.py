@@ -160,15 +160,15 @@ def _noisy(rng: np.random.Generator, name: str, values: Array, length_m: float) 
     return values + noise
 
 
-def _told(subject: Subject, found: Diagnosis) -> str:
+def _told(subject: Subject, diagnosis: Diagnosis) -> str:
     kind, names = subject.component.kind, type(subject.build()).recommended_experiments
     values = ", ".join(f"{name} {value:g}" for name, value in _typical(parameters(subject)).items())
     shares = ", ".join(
-        f"{named(kinds)} {p:.0%}" for kinds, p in list(found.judgement.probability.items())[:3]
+        f"{named(kinds)} {p:.0%}" for kinds, p in list(diagnosis.judgement.probability.items())[:3]
     )
     runs = listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))
-    seen = f"with {values} hidden in {runs} the diagnosis says: {found.judgement.sentence} ({shares}). "
-    if kind in found.not_excited:
+    seen = f"with {values} hidden in {runs} the diagnosis says: {diagnosis.judgement.sentence} ({shares}). "
+    if kind in diagnosis.not_excited:
         return (
             seen
             + "These runs do not show it: name others in recommended_experiments, or widen the plausible range"

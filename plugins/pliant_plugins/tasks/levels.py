@@ -100,7 +100,10 @@ def settle_levels(simulation: Simulation, levels: Iterable[Level]) -> list[Equil
 
 
 def levels_result(
-    chain: ChainModel, levels: Sequence[Level], found: Sequence[Equilibrium], asked: Sequence[int] = (-1,)
+    chain: ChainModel,
+    levels: Sequence[Level],
+    equilibria: Sequence[Equilibrium],
+    asked: Sequence[int] = (-1,),
 ) -> TaskResult:
     """Return the last level's equilibrium, metrics of the last valid one, and all levels as a history.
 
@@ -109,43 +112,43 @@ def levels_result(
     valid equilibrium, `not_reached` says which, why, and which level was the last valid one.
     """
     worst: dict[tuple[int, str], OutsideDomain] = {}
-    for level, one in zip(levels, found, strict=True):
+    for level, one in zip(levels, equilibria, strict=True):
         for entry in one.outside_domain:
             key = (entry.module, entry.variable)
             if key not in worst or abs(entry.excess) > abs(worst[key].excess):
                 worst[key] = replace(entry, time_s=level.time_s)
     final = replace(
-        found[-1],
-        iterations=sum(one.iterations for one in found),
-        wall_s=sum(one.wall_s for one in found),
+        equilibria[-1],
+        iterations=sum(one.iterations for one in equilibria),
+        wall_s=sum(one.wall_s for one in equilibria),
         outside_domain=tuple(worst[key] for key in sorted(worst)),
     )
     inputs = list(levels[-1].inputs.actuation)
     rollout = Rollout(
         time_s=np.array([level.time_s for level in levels]),
         actuation=np.array([[level.inputs.actuation[name] for name in inputs] for level in levels]),
-        joint_angles=np.array([one.joint_angles for one in found]),
-        markers_m=np.array([one.markers_m for one in found]),
-        carrier=None if chain.mount is None else Carrier.stacked([one.carrier for one in found]),
+        joint_angles=np.array([one.joint_angles for one in equilibria]),
+        markers_m=np.array([one.markers_m for one in equilibria]),
+        carrier=None if chain.mount is None else Carrier.stacked([one.carrier for one in equilibria]),
     )
-    unsettled = sum(not one.converged for one in found)
-    not_reached, last_held = _not_reached(chain, levels, found, asked)
+    unsettled = sum(not one.converged for one in equilibria)
+    not_reached, last_held = _not_reached(chain, levels, equilibria, asked)
     metrics = {
-        **chain_metrics(chain, final if last_held is None else found[last_held]),
+        **chain_metrics(chain, final if last_held is None else equilibria[last_held]),
         "unsettled_levels": unsettled,
     }
     return TaskResult(final, metrics, rollout, not_reached=not_reached, last_held=last_held)
 
 
-def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
+def why_not_held(chain: ChainModel, equilibrium: Equilibrium) -> str:
     """Return why this equilibrium is not valid, as the end of a sentence about the chain; empty if it is."""
-    if not found.converged and not found.at_rest:
+    if not equilibrium.converged and not equilibrium.at_rest:
         return "could not be followed: its motion ran away, or it did not settle at the first sample"
-    if not found.converged:
-        return f"did not settle (residual {effort_unit(chain.laws[0]).text(found.residual, 2)})"
-    if found.stable is False:
+    if not equilibrium.converged:
+        return f"did not settle (residual {effort_unit(chain.laws[0]).text(equilibrium.residual, 2)})"
+    if equilibrium.stable is False:
         return "has no stable equilibrium"
-    for number, (joint, q) in enumerate(zip(chain.joints, found.joint_angles, strict=True), start=1):
+    for number, (joint, q) in enumerate(zip(chain.joints, equilibrium.joint_angles, strict=True), start=1):
         law = chain.laws[joint.law]
         box = law.domain.deformation
         several = len(law.actuations)
@@ -169,13 +172,13 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
 
 
 def _not_reached(
-    chain: ChainModel, levels: Sequence[Level], found: Sequence[Equilibrium], asked: Sequence[int]
+    chain: ChainModel, levels: Sequence[Level], equilibria: Sequence[Equilibrium], asked: Sequence[int]
 ) -> tuple[str, int | None]:
     """Return sentence and the index of the last valid level before the first invalid one; empty if all are valid."""
     for index in sorted(k % len(levels) for k in asked):
-        reason = why_not_held(chain, found[index])
+        reason = why_not_held(chain, equilibria[index])
         if reason:
-            held = [k for k in range(index) if not why_not_held(chain, found[k])]
+            held = [k for k in range(index) if not why_not_held(chain, equilibria[k])]
             last = (
                 f"the last level that held is {levels[held[-1]].name}" if held else "no level before it held"
             )

@@ -346,9 +346,13 @@ def log_suits(values: Array) -> bool:
     return bool(np.percentile(finite, 90) > 8 * finite.min())
 
 
-def measure_words(found: Robustness) -> str:
+def measure_words(robustness: Robustness) -> str:
     """Return the measure in words."""
-    return f"mean of the worst {100 * (1 - found.level):.3g} %" if found.measure == "cvar" else found.measure
+    return (
+        f"mean of the worst {100 * (1 - robustness.level):.3g} %"
+        if robustness.measure == "cvar"
+        else robustness.measure
+    )
 
 
 def price(read: SearchView) -> str:

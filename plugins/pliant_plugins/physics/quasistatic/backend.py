@@ -147,11 +147,11 @@ class QuasistaticSimulation(Steppable):
             found = self._responder(inputs, self.settle().joint_angles)
         return found
 
-    def _by_actuation(self, found: Equilibrium) -> tuple[Array, Array | None]:
+    def _by_actuation(self, equilibrium: Equilibrium) -> tuple[Array, Array | None]:
         """Return derivatives of markers (k, n + 2, 3) and coordinates (k, n, a) by the inputs; None before settling."""
         names = self.chain.inputs
-        if not found.converged:
-            return np.zeros((len(names), *found.markers_m.shape)), None
+        if not equilibrium.converged:
+            return np.zeros((len(names), *equilibrium.markers_m.shape)), None
         turned, moved = by_actuation(self.chain, self._statics, self._settled_q, self._settled_loads)
         return np.array([moved[name] for name in names]), np.array([turned[name] for name in names])
 

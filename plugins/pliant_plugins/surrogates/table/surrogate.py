@@ -332,16 +332,16 @@ class TableSurrogate(AxesSurrogate):
         return TableLaw.from_record(record)
 
 
-def _details(found: FittedSpline, slope: float) -> dict[str, Any]:
+def _details(spline: FittedSpline, slope: float) -> dict[str, Any]:
     """Return the report's entries on the choice; `slope` is the largest ∂τ/∂u in the box."""
     names = ("order", "actuation", "deformation", "rmse_of_range")
     return {
         "form": "table",
-        "cells": [size - 3 for size in found.coefficients.shape],
-        "smoothing": dict(zip(names, found.smoothing, strict=False)),
-        "left_out_rmse_of_range": found.tried[found.smoothing],
-        "forced_to_fall": found.forced_to_fall,
-        "tried": [dict(zip(names, (*s, e), strict=True)) for s, e in found.tried.items()],
+        "cells": [size - 3 for size in spline.coefficients.shape],
+        "smoothing": dict(zip(names, spline.smoothing, strict=False)),
+        "left_out_rmse_of_range": spline.tried[spline.smoothing],
+        "forced_to_fall": spline.forced_to_fall,
+        "tried": [dict(zip(names, (*s, e), strict=True)) for s, e in spline.tried.items()],
         "largest_slope": slope,
         "stable": slope < 0,
     }
