@@ -5,7 +5,7 @@
     table = pliant_tables.read("bench.csv")
     table["Pressure (kPa)"], table.units
 
-`read` returns a table as it is written. For tables of one kind, state its columns in a `Schema`: `open_sheet` opens the
+`read` returns a table unchanged. For tables of one kind, state its columns in a `Schema`: `open_sheet` opens the
 file, `Schema.matched` finds the columns under the names and units of any lab, `read_columns` gives their numbers in SI.
 """
 

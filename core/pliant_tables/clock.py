@@ -81,7 +81,7 @@ class Disorder:
     def counter(self, stamped: bool) -> tuple[str, float] | None:
         """Return what began again, in words, and its span: a counter's bits, or the hour of a clock that was set back.
 
-        `stamped`: the clock has dates or times of day. None if the step back is none of these.
+        `stamped`: the clock has dates or times of day. None for any other step back.
         """
         hour = [("a clock that is set back by an hour", HOUR_S)]
         counters = hour if stamped else [(f"a counter of {bits} bits", span) for bits, span in COUNTERS]

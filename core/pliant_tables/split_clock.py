@@ -22,7 +22,7 @@ class SplitClockSheet(Sheet):
 
     Attributes:
         name: of the clock: what the names of both columns begin with.
-        inner: the table as it is written.
+        inner: the table as written.
         places: of its seconds and its nanoseconds.
     """
 

@@ -1,4 +1,4 @@
-"""A whole table in memory, as it is written: numbers, times and texts by the names of its columns."""
+"""A whole table in memory, as written: numbers, times and texts by the names of its columns."""
 
 from __future__ import annotations
 
