@@ -2,6 +2,9 @@
 
     python -m benchmarks.evidence.speed     prints, and writes benchmarks/out/diagnosis_speed.json
 
+The usual one is also diagnosed with the sensitivities of the law's own error at every fit instead of at those that may
+lead; the ratio is that of processor times.
+
 All are read from the joint of examples/hidden_effect made stiffer, with noise; every shipped effect is a candidate. The
 baseline is the usual recording, that of the example, in the same process, which has a thread for each of two cores. The
 many runs have two worker processes.
@@ -9,16 +12,19 @@ many runs have two worker processes.
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import time
 from collections.abc import Sequence
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 from benchmarks.output import ROOT, Bar, ratio, time_calls, write
 
 from pliant import api
+from pliant.diagnosis import search
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -33,6 +39,7 @@ PRESSURE_PA = 15e3
 STIFFER = 1.15
 NOISE_RAD = 2e-3
 OUTPUT = "angle_rad"
+ROUNDS = 2
 MOST_S = {"usual": 5.0, "long": 15.0, "many": 45.0}
 
 
@@ -43,6 +50,10 @@ def main() -> None:
         sets = {"usual": usual, "long": recorded(opened, swings()), "many": recorded(opened, holds())}
         workers = {"usual": 1, "long": 1, "many": min(2, os.cpu_count() or 1)}
         api.diagnose(opened, usual)  # triggers compilation
+        diagnosis = partial(api.diagnose, opened, usual)
+        with patch.object(search, "OUT_OF_LAW_REACH", math.inf):
+            everywhere = time_calls(diagnosis, ROUNDS)
+        law_reach = ratio(time_calls(diagnosis, ROUNDS), everywhere)
         taken = {
             name: time_calls(
                 partial(api.diagnose, opened, measurement, workers=workers[name]), clock=time.perf_counter
@@ -59,6 +70,10 @@ def main() -> None:
         Bar(f"{name} over usual", value, MOST_S[name] / MOST_S["usual"], "×")
         for name, value in ratios.items()
     ]
+    bars.append(
+        Bar("sensitivities of the law's error where a fit may lead, over at every fit", law_reach, 1.0, "×")
+    )
+    ratios["law_reach"] = law_reach
     write("diagnosis_speed", {"readings": counts, "seconds": taken, "ratios": ratios}, bars)
 
 
