@@ -386,14 +386,21 @@ class StudyHandle:
         result: Result[Any] = package_function("optimize", "pliant_search")(self.opened, workers=workers)
         return result
 
-    def calibrate(self, data: str | Path, **options: Any) -> Result[Any]:
+    def calibrate(
+        self, data: str | Path, *, test: str | None = None, fit: Sequence[str] | None = None
+    ) -> Result[Any]:
         """Fit constants of the study's material to a test: `pliant calibrate`. The record is a `Calibration`.
+
+        Args:
+            data: the file of the test.
+            test: kind of the test; by default that of the file's columns.
+            fit: constants to fit; all by default.
 
         >>> silicone = pliant.open(examples / "materials/silicone.yaml", store=store)
         >>> silicone.calibrate(examples / "materials/pull.csv")
         <silicone: ...>
         """
-        found = api.calibrate(self.opened, data, **options)
+        found = api.calibrate(self.opened, data, test=test, fit=fit)
         document = package_function("calibration_document", "pliant_calibrate")
         return Result(found, lambda: document(self.name, found))
 
