@@ -310,7 +310,7 @@ def _pieces(problems: Mapping[str, Any], limit: Any) -> list[Subproblem]:
                 functions = [power(degree) if k == axis else rest for k in range(count)]
                 terms.append((stiffness, (rest, *functions)))
         driven = (Potential(*terms), one.axes, one.main_axis)
-        solver = Analytic(*driven) if not isinstance(limit, Mapping) else _SeveralInputs(len(limit), *driven)
+        solver = _SeveralInputs(np.size(limit), *driven) if np.ndim(limit) else Analytic(*driven)
         pieces.append(build_piece(name, one, solver))
     return pieces
 
