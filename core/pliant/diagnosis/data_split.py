@@ -93,7 +93,7 @@ def split_runs(measurement: Measurement, share: float = SHARE) -> TrainTestSplit
 
 
 def extend_split(measurement: Measurement, earlier: TrainTestSplit) -> TrainTestSplit:
-    """Return an earlier split extended to new runs: old runs keep their part, `lock`'s share of the new is held out."""
+    """Return an earlier split extended to new runs: old runs keep their part, new ones are split by `split_runs`."""
     number = {run.name: k for k, run in enumerate(measurement.runs)}
     before = [run.name for run in earlier.training.runs]
     since = split_runs(_hidden(measurement, [number[name] for name in before if name in number]))

@@ -109,7 +109,7 @@ def excitations(
     candidates = [EffectSet.from_kinds(registry, (kind,)) for kind in kinds]
     asked = [(candidate, end, nothing.parts) for candidate in candidates for end in _ends(candidate)]
     found: dict[str, Excitation] = {}
-    with JobQueue(executor or InlineExecutor(), fitter.look_from) as queue:
+    with JobQueue(executor or InlineExecutor(), fitter.evaluate_from) as queue:
         for (candidate, end, _), one in zip(asked, queue.each(asked), strict=True):
             fit = one.unwrap()
             change, slopes, snr = _seen(nothing.raw - fit.raw, fit.slopes)

@@ -131,8 +131,8 @@ class Fitter:
         self._check_code()
         return self.with_own_law_error(fit)
 
-    def look_from(self, asked: tuple[EffectSet, Array, int]) -> EffectFit:
-        """Call `look` with these arguments, in the same way."""
+    def evaluate_from(self, asked: tuple[EffectSet, Array, int]) -> EffectFit:
+        """Call `evaluate` with these arguments, in the same way."""
         self._check_code()
         return self.evaluate(*asked)
 

@@ -135,7 +135,7 @@ def improve(
         named_only: add nothing whose cause is not named by a verdict.
         tick: called with the name of each hypothesis when it has been fitted.
         workers: where hypotheses are fitted, as for `diagnose`.
-        split: the test runs, if they were chosen before; by `lock` otherwise.
+        split: the test runs, if they were chosen before; by `split_runs` otherwise.
 
     Raises:
         UserError: no reading can be used, or an engine that cannot simulate histories.

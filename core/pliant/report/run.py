@@ -283,7 +283,7 @@ def warnings(run: FinishedRun) -> list[Warned]:
     found += [Warned(text) for text in run.summary.get("remarks") or ()]
     unused = run.summary.get("unused") or []
     if unused:
-        found.append(Warned(f"The study sets {', '.join(unused)}, which no stage of this version reads."))
+        found.append(Warned(f"The study sets {', '.join(unused)}, which has no effect in this study."))
     if run.uncertainty is not None and run.uncertainty["failed"]:
         failed, samples = run.uncertainty["failed"], run.uncertainty["samples"]
         found.append(
