@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.evidence.judge import Judged, is_truth, judge, truth_fitted
-from benchmarks.evidence.tasks import digest
+from benchmarks.evidence.tasks import Task, digest
 from benchmarks.output import ROOT
 
 LEDGER = Path(__file__).parent / "ledger.jsonl"
@@ -117,7 +117,7 @@ def headline(data: Mapping[str, Any]) -> dict[str, list[int]]:
     return {name: [share["right"], share["n"]] for name, share in shares.items()}
 
 
-def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, Any]) -> dict[str, Any]:
+def compact(task: Task, label: Mapping[str, Any], line: Mapping[str, Any]) -> dict[str, Any]:
     """Return one answer with its opened label in the stored form."""
     result = dict(line.get("result") or {})
     if result.get("hypotheses"):
@@ -139,7 +139,8 @@ def compact(group: str, mode: str, label: Mapping[str, Any], line: Mapping[str, 
         result["bookkeeping"] = [{"kind": one["kind"]} for one in result["bookkeeping"] or ()]
     kept = {name: line[name] for name in ("error", "added", "wall_s", "cpu_s") if name in line}
     known = {name: label[name] for name in LABEL if name in label}
-    return _rounded({"group": group, "mode": mode, "label": known, "result": result, **kept})
+    named = {"task": task.public_id, "group": task.group, "mode": task.mode}
+    return _rounded({**named, "label": known, "result": result, **kept})
 
 
 def _without_parameters(label: Mapping[str, Any], hypothesis: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,6 +164,14 @@ def write_answers(
     """Write the run's head and its answers, one a line; the same bytes for the same content."""
     text = "\n".join(json.dumps(one, separators=(",", ":")) for one in (head, *answers))
     path.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
+
+
+def stored_answers(code: str, path: Path) -> dict[str, dict[str, Any]]:
+    """Return the stored answers of a run of this code by the `public_id` of their tasks; empty for other code."""
+    if not path.exists():
+        return {}
+    head, *answers = (json.loads(line) for line in gzip.decompress(path.read_bytes()).splitlines())
+    return {one["task"]: one for one in answers if "task" in one} if head["code"] == code else {}
 
 
 def read_answers(path: Path = ANSWERS) -> tuple[dict[str, Any], list[Judged]]:

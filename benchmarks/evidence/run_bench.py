@@ -1,6 +1,7 @@
 """Diagnose many hidden effects and count how often the answer is right.
 
-    python -m benchmarks.evidence.run_bench --sealed --share 0.4   judged sets that are drawn for this code; resumable
+    python -m benchmarks.evidence.run_bench --sealed --share 0.4   judged sets that are drawn for this code; resumable,
+                                                               also from the stored answers of the same code
     python -m benchmarks.evidence.run_bench                    calibration sets, on which thresholds may be tuned
     python -m benchmarks.evidence.run_bench --small            a handful of them, for CI
     python -m benchmarks.evidence.run_bench --bed law_off      sets whose joint law is off by 0.3 to 3 % in shape
@@ -27,7 +28,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -86,7 +87,8 @@ ADDED = 2
 class Bench:
     """Files of a bench: sets and results in `folder`, the key next to it.
 
-    `shard` (part, number of parts) selects every n-th task; shards share the folder, or a copy of its key.
+    `shard` (part, number of parts) selects every n-th task; shards share the folder, or a copy of its key. `stored` are
+    answers of the same code that an earlier run published, by the `public_id` of their tasks.
     """
 
     folder: Path
@@ -94,6 +96,7 @@ class Bench:
     diagnoser: str = diagnosers.DEFAULT
     workers: int = 2
     shard: tuple[int, int] = (1, 1)
+    stored: Mapping[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def results(self) -> Path:
@@ -197,7 +200,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
         print(f"{others} results are by other code of pliant; --fresh forgets them", flush=True)
     done = {name for name, line in found.items() if "error" not in line}
     named = [Job(task.secret_id(key), task) for task in bench.shard_tasks(plan.tasks())]
-    waiting = [job for job in named if job.name not in done]
+    waiting = [job for job in named if job.name not in done and job.task.public_id not in bench.stored]
     print(f"{len(named)} sets, {len(named) - len(waiting)} done before", flush=True)
     bar = LogBar(partial(print, flush=True), "sets", len(waiting), 0)
     asked: dict[str, Job] = {}
@@ -236,9 +239,14 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
 def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
     """Return the plan's results with their opened labels, in the order of the plan."""
     key, lines = bench.key(), bench.lines()
-    named = ((task, task.secret_id(key)) for task in plan.tasks())
-    there = [(task, name) for task, name in named if name in lines and "unmade" not in lines[name]]
-    return [ledger.compact(t.group, t.mode, bench.label(name, key), lines[name]) for t, name in there]
+    found = []
+    for task in plan.tasks():
+        name = task.secret_id(key)
+        if name in lines and "unmade" not in lines[name]:
+            found.append(ledger.compact(task, bench.label(name, key), lines[name]))
+        elif task.public_id in bench.stored:
+            found.append(bench.stored[task.public_id])
+    return found
 
 
 @contextlib.contextmanager
@@ -334,7 +342,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 "a sealed run is the whole plan or a --share of it, once: leave the other options out"
             )
         plan, name = replace(plan, split="judged", draw=code), f"{of_bed}sealed-{code}"
-    bench = Bench((given.out / "evidence").resolve(), name, given.diagnoser, given.workers, given.shard)
+    stored = ledger.stored_answers(code, ledger.ANSWERS_OF[plan.bed]) if given.sealed else {}
+    bench = Bench(
+        (given.out / "evidence").resolve(), name, given.diagnoser, given.workers, given.shard, stored
+    )
     if given.plan_only:
         print(expected_time(plan))
         return

@@ -88,8 +88,16 @@ class Task:
 
     def secret_id(self, key: bytes) -> str:
         """Return a name that does not reveal the kind, reproducible with the same key and the same truths."""
-        text = f"{self.group} {self.mode} {self.spec} {truth_digest()}".encode()
-        return hashlib.blake2b(text, key=key, digest_size=8).hexdigest()
+        return hashlib.blake2b(self._text, key=key, digest_size=8).hexdigest()
+
+    @property
+    def public_id(self) -> str:
+        """Return the name of the task in the stored answers, whose labels are opened."""
+        return hashlib.blake2b(self._text, digest_size=8).hexdigest()
+
+    @property
+    def _text(self) -> bytes:
+        return f"{self.group} {self.mode} {self.spec} {truth_digest()}".encode()
 
 
 Bed = Literal["exact", "law_off"]

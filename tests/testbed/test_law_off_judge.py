@@ -10,10 +10,14 @@ from benchmarks.evidence import ledger
 from benchmarks.evidence.counting import certain, covered, overall_tables, splittable, summary
 from benchmarks.evidence.judge import Judged, judge
 from benchmarks.evidence.publish import LAW_OFF_TABLES, as_text
+from benchmarks.evidence.sets import SetSpec
+from benchmarks.evidence.tasks import Task
 from benchmarks.evidence.truths import CLEAN
 from tests.testbed.judged_lines import answer, make_label, stated
 
 WITH_LAW = [{"kinds": ["law", "stiffness", "wall_thickness"]}]
+
+INTERVAL, EFFECT = (Task(group, SetSpec("backlash", 0)) for group in ("interval", "effect"))
 
 
 def judged(kind: str, line: dict[str, Any], law_error: float = 0.01, classes: Any = ()) -> Judged:
@@ -137,10 +141,10 @@ def test_intervals_hold_what_the_label_states_and_survive_the_stored_answers() -
     assert items[1].intervals[0][2] == pytest.approx(0.006 / (0.008 / 3.29))
     found = covered(items)
     assert (found["all"]["right"], found["all"]["n"]) == (2, 3) and found["backlash.play_rad"]["n"] == 3
-    stored = ledger.judged([ledger.compact("interval", "diagnose", label, line) for line in lines])
+    stored = ledger.judged([ledger.compact(INTERVAL, label, line) for line in lines])
     assert [one.intervals[0][1] for one in stored] == [True, False, True]
     assert all(one.truth_fitted for one in items + stored)
-    other = ledger.compact("effect", "diagnose", make_label("backlash"), lines[0])
+    other = ledger.compact(EFFECT, make_label("backlash"), lines[0])
     assert "parameters" not in json.dumps(other) and other["result"]["truth_fitted"]
     assert judge("effect", make_label("mullins"), lines[0]).truth_fitted is False
     assert judge("clean", make_label(CLEAN), lines[0]).truth_fitted is None

@@ -350,7 +350,8 @@ def test_kept_answers_are_judged_as_the_whole_ones(tmp_path: Path) -> None:
         {"kinds": ["leak"], "probability": 0.003},
         {"kinds": ["stiffness"], "probability": 0.6},
     ]
-    kept = ledger.compact("effect", "diagnose", make_label("stiffness"), line)
+    task = Task("effect", SetSpec("stiffness", 0))
+    kept = ledger.compact(task, make_label("stiffness"), line)
     path = tmp_path / "kept.gz"
     ledger.write_answers({"commit": "x"}, [kept], path)
     first = path.read_bytes()
@@ -359,6 +360,22 @@ def test_kept_answers_are_judged_as_the_whole_ones(tmp_path: Path) -> None:
     assert ledger.read_answers(path) == ({"commit": "x"}, [judge("effect", make_label("stiffness"), line)])
     assert "0.003" not in json.dumps(kept) and "next_experiment" not in json.dumps(kept)
     assert ledger.read_answers(tmp_path / "none.gz") == ({}, [])
+
+
+def test_a_sealed_run_continues_from_the_stored_answers_of_the_same_code(tmp_path: Path) -> None:
+    tasks = replace(THREE, split="judged").tasks()
+    kept = [ledger.compact(task, make_label("stiffness"), answer("ambiguous")) for task in tasks]
+    path = tmp_path / "kept.gz"
+    ledger.write_answers({"code": "a"}, kept, path)
+    assert ledger.stored_answers("b", path) == {} == ledger.stored_answers("a", tmp_path / "none.gz")
+    stored = ledger.stored_answers("a", path)
+    assert list(stored) == [task.public_id for task in tasks]
+    assert len({task.public_id for task in (*tasks, *THREE.tasks())}) == 2 * len(
+        tasks
+    )  # other sets, other names
+    bench = Bench(tmp_path / "bench", "sealed", stored=stored)
+    run_bench.run(bench, replace(THREE, split="judged"))
+    assert not bench.results.exists() and run_bench.answers(bench, replace(THREE, split="judged")) == kept
 
 
 def test_the_answers_in_the_tree_are_small_and_belong_to_the_last_run_that_ended() -> None:
