@@ -33,7 +33,8 @@ from benchmarks.families import chain_hypothesis
 from benchmarks.output import Bar, make_parser, write
 
 from pliant import api
-from pliant.evidence.prediction import Predictor, read_study_measurement
+from pliant.evidence.opening import read_study_measurement
+from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array
 

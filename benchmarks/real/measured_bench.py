@@ -87,7 +87,7 @@ class MeasuredBench:
 
 def study_predictor(study: StudyHandle) -> Predictor:
     """Return a study's model, driven by its measured runs."""
-    from pliant.evidence.prediction import read_study_measurement
+    from pliant.evidence.opening import read_study_measurement
 
     opened = study.opened
     return Predictor.from_study(

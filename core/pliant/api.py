@@ -33,11 +33,13 @@ from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import Improvement
 from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
-from pliant.evidence.prediction import Predictor, read_study_measurement
+from pliant.evidence.measured_model import MeasuredModel
+from pliant.evidence.opening import measured_model, read_study_measurement
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.formatting import displayed_in
+from pliant.interfaces.model import SystemModel
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.inverse.statics import InverseStatics
 from pliant.measurements.recording import read_recording
@@ -55,7 +57,6 @@ from pliant.pipeline.study import (
 from pliant.pipeline.workbench import RunContext
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import discover, left_out
-from pliant.registry.files import with_files
 from pliant.registry.function import package_function
 from pliant.report.document import Document
 from pliant.report.importing import import_document
@@ -97,7 +98,7 @@ def open_study(
     """
     context = workbench(store, progress)
     study = load_study(Path(path), context.registry, overrides, progress.note if progress else warnings.warn)
-    registry = with_files(context.registry, study.plugins)
+    registry = study.registry(context.registry)
     return OpenStudy(study, replace(context, registry=registry, store=ArtifactStore(Path(store), study.name)))
 
 
@@ -209,9 +210,9 @@ def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     return read_study_measurement(opened.context, opened.study, data)
 
 
-def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
-    """Return the study's model, driven by the measured histories."""
-    return Predictor.from_study(opened.context, opened.study, read_measurement(opened, data))
+def predictor(opened: OpenStudy, data: Data = None) -> MeasuredModel:
+    """Return the study's model, driven by the measured histories: a `Predictor` for a chain of modules."""
+    return measured_model(opened.context, opened.study, read_measurement(opened, data))
 
 
 def compare(opened: OpenStudy, data: Data = None) -> Comparison:
@@ -242,9 +243,22 @@ def diagnose(
     """Diagnose which physical effect is missing: `pliant diagnose`; `tick` is called after each fitted hypothesis."""
     _warn_left_out(opened)
     model = predictor(opened, data)
-    own = own_runs(opened.study, model.chain, model.measurement)
+    own = own_runs(opened.study, model)
     who = opened.study.resolve_workers(workers, 1)
     return diagnose_with(model, kinds=kinds, runs=own, tick=tick, workers=who)
+
+
+def candidates(opened: OpenStudy, kinds: Sequence[str] | None = None) -> list[str]:
+    """Return the kinds of effects that a diagnosis of the study tries; by default all that its model proposes.
+
+    Raises:
+        UserError: an unknown kind, or one without a number to fit.
+    """
+    found = candidate_kinds(opened.context.registry, kinds or None)
+    if kinds or opened.study.model is None:
+        return found
+    system: SystemModel = opened.context.build("model", opened.study.model)
+    return system.default_kinds(found)
 
 
 def plan(
@@ -261,7 +275,7 @@ def plan(
     _warn_left_out(opened)
     check_budget(runs, minutes)
     model, who = predictor(opened, data), opened.study.resolve_workers(workers, 1)
-    kinds = candidate_kinds(opened.context.registry, kinds)
+    kinds = candidates(opened, kinds)
     return plan_after(model, opened.study, kinds, runs=runs, minutes=minutes, tick=tick, workers=who)
 
 
@@ -275,7 +289,7 @@ def plan_first_runs(
     """Choose the fewest runs that distinguish the effects, before any measurement: `pliant plan` without data."""
     _warn_left_out(opened)
     check_budget(runs, minutes)
-    kinds = candidate_kinds(opened.context.registry, kinds)
+    kinds = candidates(opened, kinds)
     return first_runs(opened.context, opened.study, kinds, runs=runs, minutes=minutes)
 
 

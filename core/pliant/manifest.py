@@ -54,6 +54,7 @@ INTERFACES = {
     "physics": (("PhysicsBackend",), ("physics_runs", "physics_motion", "physics_scene")),
     "task": (("Task", "SceneTask"), ()),
     "viewer": (("Viewer",), ()),
+    "model": (("SystemModel",), ()),
 }
 
 
@@ -70,6 +71,7 @@ def pliant_commands() -> Iterable[Command]:
 def pliant_blocks() -> Iterable[Block]:
     """Return the blocks that `pliant.config.study.Study` types, in its order."""
     return [
+        Block("model", interface="model", paths=("file",), fixed="a search designs chains of modules"),
         Block("family", interface="family", paths=("visual", "file")),
         Block("material", interface="material"),
         Block("fem", interface="fem"),

@@ -24,9 +24,9 @@ from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.error_bins import run_residuals
-from pliant.evidence.prediction import Prediction, Predictor, RunReadings, read_study_measurement
+from pliant.evidence.measured_model import RunReadings
+from pliant.evidence.opening import measured_model, read_study_measurement
 from pliant.interfaces.effect import EffectConfig
-from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.run_folder import FinishedRun, finished
 from pliant.pipeline.self_check import model_checks
@@ -69,24 +69,6 @@ class AnswerCache:
 
 class StoppedError(Exception):
     """Error raised when work is stopped on request."""
-
-
-class WatchedPredictor(Predictor):
-    """A predictor whose work can be stopped between two predictions."""
-
-    stopped: Callable[[], bool] = staticmethod(lambda: False)
-
-    def evaluate(self, *args: Any, **named: Any) -> Prediction:
-        self._heed()
-        return super().evaluate(*args, **named)
-
-    def vary(self, *args: Any, **named: Any) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
-        self._heed()
-        return super().vary(*args, **named)
-
-    def _heed(self) -> None:
-        if self.stopped():
-            raise StoppedError
 
 
 @dataclass(frozen=True)
@@ -140,7 +122,7 @@ class OpenModel:
         """
         opened = api.open_study(path, store=store)
         measurement = read_study_measurement(opened.context, opened.study, tuple(data) or None)
-        known, unknown = with_known_states(measurement)
+        known, unknown = measured_model(opened.context, opened.study, measurement).with_known_states()
         return OpenModel(path, opened.study, opened.context, tuple(data), known, (), unknown, earlier)
 
     def without(self, off: Sequence[str]) -> OpenModel:
@@ -174,11 +156,7 @@ class OpenModel:
     def ground(self) -> Ground:
         """The training runs on which effects are fitted, as in `pliant improve`."""
         bare = self.study.model_copy(update={"effects": ()})
-        plain = Predictor.from_study(self.context, bare, self.split.training)
-        watched = WatchedPredictor(
-            plain.context, plain.backend, plain.chain, self.split.training, law_error=plain.law_error
-        )
-        return Ground(watched, self.split.training, repeat_groups(self.split.training))
+        return Ground.from_study(self.context, bare, self.split.training)
 
     def effects(self, values: Effects) -> tuple[EffectConfig, ...]:
         """Return effects from their JSON values; raises `ValidationError` for values out of bounds."""
@@ -252,7 +230,7 @@ class OpenModel:
     @cached_property
     def mistakes(self) -> tuple[Mistake, ...]:
         """Probable bookkeeping mistakes in the training runs, by the study's own model."""
-        return find_mistakes(Predictor.from_study(self.context, self.study, self.split.training))
+        return find_mistakes(measured_model(self.context, self.study, self.split.training))
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:

@@ -19,12 +19,13 @@ from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.readings import readings_over_floor
 from pliant.evidence.error_bins import run_residuals
+from pliant.evidence.opening import measured_model
 from pliant.formatting import display_unit
 from pliant.interfaces.effect import EffectParameter
 from pliant.measurements.thinning import downsample
 from pliant.records.design import Array
 from pliant.units import strip_unit_suffix
-from pliant_app.open_model import OpenModel, WatchedPredictor
+from pliant_app.open_model import OpenModel
 from pliant_app.own_files import defining_file
 from pliant_app.page_state import Effects
 
@@ -39,12 +40,10 @@ def screened(model: OpenModel, effects: Effects) -> dict[str, Any]:
         effects: those of the model.
     """
     registry = model.context.registry
-    base = model.ground.predictor
-    predictor = WatchedPredictor(
-        base.context, base.backend, base.chain, model.split.training, model.effects(effects)
-    )
-    short, _ = downsample(model.split.training, len(base.chain.axes) > 1)
-    predictor = predictor if short is model.split.training else predictor.for_runs(short)  # type: ignore[assignment]
+    study = model.study.model_copy(update={"effects": model.effects(effects)})
+    predictor = measured_model(model.context, study, model.split.training)
+    short, _ = downsample(model.split.training, predictor.spatial)
+    predictor = predictor if short is model.split.training else predictor.for_runs(short)
     plain = predictor.predict()
     readings, _ = readings_over_floor(short, run_residuals(short, plain))
     fitter = Fitter(predictor, readings)

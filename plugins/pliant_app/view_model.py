@@ -21,6 +21,7 @@ from pliant.errors import PliantError, UserError
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison_sentences import interpret
 from pliant.evidence.covariates import Covariate, covariates
+from pliant.evidence.prediction import Predictor
 from pliant.evidence.scores import run_words
 from pliant.formatting import display_unit, output_unit
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
@@ -301,6 +302,8 @@ def space(model: OpenModel, effects: Effects, run: str) -> dict[str, Any]:
 def _history(model: OpenModel, effects: Effects, number: int) -> tuple[Rollout, IntArray]:
     """Return the chain's motion through a run, and (t,) the samples at which it has an equilibrium."""
     predictor = model.ground.predictor
+    if not isinstance(predictor, Predictor):
+        raise UserError("The model is not a chain of modules, whose motion this page draws.")
     histories, paths = predictor.paths(model.effects(effects))
     history, path, lead = histories[number], paths[number], histories[number].lead
     at = np.flatnonzero(path.converged[lead:]) + lead

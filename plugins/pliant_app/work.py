@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import described
 from pliant.diagnosis.steps import Improvement
 from pliant.errors import UserError
+from pliant.evidence.opening import measured_model
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.protocol_file import write_protocol
 from pliant.formatting import display_unit, whole_percent
@@ -39,7 +39,7 @@ from pliant.report.render import page
 from pliant.report.stored_answer import Question
 from pliant.store.store import write_atomically
 from pliant_app.folder import SessionFolder
-from pliant_app.open_model import OpenModel, WatchedPredictor
+from pliant_app.open_model import OpenModel, StoppedError
 from pliant_app.page_state import Effects
 from pliant_app.unseen_runs import fit_doubts, step_doubts
 
@@ -64,11 +64,12 @@ class ModelWork:
     @property
     def ground(self) -> Ground:
         """The training runs, with a predictor that this job's stop interrupts."""
-        ground = self.model.ground
-        watched = copy.copy(ground.predictor)
-        assert isinstance(watched, WatchedPredictor)
-        watched.stopped = self.stopped
-        return Ground(watched, ground.measurement, ground.groups)
+        return replace(self.model.ground, predictor=self.model.ground.predictor.watched(self.heed))
+
+    def heed(self) -> None:
+        """Raise `StoppedError` after a stop was requested."""
+        if self.stopped():
+            raise StoppedError
 
 
 def fit(
@@ -127,12 +128,8 @@ def diagnose(task: ModelWork, folder: SessionFolder, key: str) -> dict[str, Any]
 def _diagnosed(task: ModelWork, study: Study, folder: SessionFolder, key: str) -> dict[str, Any]:
     """Return the result that the page keeps, and the texts of the files that it names."""
     model = task.model
-    base = task.ground.predictor
-    predictor = WatchedPredictor(
-        base.context, base.backend, base.chain, model.split.training, study.effects, study.law_error
-    )
-    predictor.stopped = task.stopped
-    own = own_runs(study, predictor.chain, predictor.measurement)
+    predictor = measured_model(model.context, study, model.split.training).watched(task.heed)
+    own = own_runs(study, predictor)
     found = diagnose_with(
         predictor, kinds=None, runs=own, tick=task.tick, workers=model.study.resolve_workers(None, 1)
     )

@@ -7,7 +7,7 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet, FitParameter
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.readings import ReadingVector
-from pliant.evidence.prediction import Prediction
+from pliant.evidence.measured_model import Prediction
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement

@@ -29,7 +29,7 @@ from tests.metamorphic.every_key import (
 
 from pliant.config.loading import load_study
 from pliant.config.study import Study
-from pliant.evidence.prediction import read_study_measurement
+from pliant.evidence.opening import read_study_measurement
 from pliant.pipeline.workbench import RunContext
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore

@@ -22,7 +22,6 @@ from pliant.cli.options import (
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.bands import study_bands
-from pliant.diagnosis.candidates import candidate_kinds
 from pliant.evidence.compared import compare_model
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
@@ -108,7 +107,7 @@ def diagnose(
         check_writable(folder)
         session.show(other.diagnose(context, candidates, who)[1](), folder if page else None)
         return
-    kinds = candidate_kinds(session.registry, effect or None)
+    kinds = api.candidates(opened, effect)
     measurement = read_session_measurement(session, opened, data)
     check_writable(folder)
 

@@ -15,6 +15,7 @@ from pliant.config.study import Study
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.extension import write_extended_study
 from pliant.errors import UserError
+from pliant.interfaces.effect import AT
 from pliant.report.extension import extension_document, origin
 
 Effects = Annotated[
@@ -73,6 +74,6 @@ def _kinds(session: Session, study: Study, effect: list[str] | None, refit: bool
         )
     fitted = candidate_kinds(session.registry)
     return [
-        *(one.kind for one in study.effects if refit and one.kind in fitted),
+        *(one.kind for one in study.effects if refit and one.kind.partition(AT)[0] in fitted),
         *candidate_kinds(session.registry, effect),
     ]

@@ -23,7 +23,6 @@ from pliant.cli.options import (
     workers_or_scheduler,
 )
 from pliant.cli.session import Session, check_writable
-from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.extension import write_extended_study
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
@@ -67,11 +66,11 @@ def improve(
     loaded = session.study(study, overrides)
     session.leave_out_broken_effects()
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
-    kinds = candidate_kinds(session.registry, effect or None)
+    opened = api.OpenStudy(loaded, session.context())
+    kinds = api.candidates(opened, effect)
     target = out or study.with_name(f"{study.stem}-improved.yaml")
     folder = report or Path("runs") / f"{loaded.name}-improve"
     check_target(study, target, force)
-    opened = api.OpenStudy(loaded, session.context())
     measurement = read_session_measurement(session, opened, data)
     check_writable(folder)
     with fitting_bar(session.progress, len(kinds)) as bar:

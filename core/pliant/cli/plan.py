@@ -13,7 +13,6 @@ from pliant.cli.bars import fitting_bar
 from pliant.cli.evidence import Candidates, DataFile, read_session_measurement, write_runs
 from pliant.cli.options import Fitters, Overrides, Scheduler, StudyFile, verb, workers_or_scheduler
 from pliant.cli.session import Session, check_writable
-from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.planning import check_budget
 from pliant.experiments.planned_run import PlannedRun
 from pliant.report.plan import design_document, plan_document
@@ -54,7 +53,7 @@ def plan(
     folder = out or Path("runs") / f"{loaded.name}-plan"
     check_writable(folder)
     opened = api.OpenStudy(loaded, session.context())
-    kinds = candidate_kinds(session.registry, effect or None)
+    kinds = api.candidates(opened, effect)
     session.result |= {"study": loaded.name, "out": str(folder)}
     if not data and loaded.measurements is None:
         first = api.plan_first_runs(opened, kinds=kinds, runs=runs, minutes=minutes)

@@ -29,7 +29,6 @@ from pliant.records.plain_values import plain as plain
 from pliant.registry.blame import blamed
 from pliant.registry.data_kind import MeasuredData
 from pliant.registry.discovery import discover, left_out, without_unusable
-from pliant.registry.files import with_files
 from pliant.report.document import Document
 from pliant.report.render import page, terminal
 from pliant.report.stage import StoredPage, write_page
@@ -93,7 +92,7 @@ class Session:
         """
         self.path, self.overrides = path, tuple(overrides or ())
         study = load_study(path, self.registry, self.overrides, self.progress.note)
-        self.registry = with_files(self.registry, study.plugins)
+        self.registry = study.registry(self.registry)
         self.study_name, self.places = study.name, study.places
         if unused := [key for key in study.unused() if key not in uses]:
             self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}'.")

@@ -148,7 +148,7 @@ def _kind_location(message: str, raw: Mapping[str, Any], sources: _Sources) -> s
 
 
 def load_notes(path: Path, model: type[Notes]) -> Notes | None:
-    """Return a YAML file of notes, validated by `model`; None for a study (it has the key `pliant`).
+    """Return a YAML file of notes, validated by `model`; None for a study (it has a `name`, or the key `pliant`).
 
     Notes may be nested below a key `measurements`, as `pliant import` prints them for a study; their `file` is
     ignored: it is the measurement in the same folder.
@@ -158,7 +158,7 @@ def load_notes(path: Path, model: type[Notes]) -> Notes | None:
     """
     sources = _Sources()
     tree = read_yaml(path)
-    if "pliant" in tree:
+    if "pliant" in tree or "name" in tree:
         return None
     pasted = tree["measurements"] if set(tree) == {"measurements"} else None
     values = Plain(path, sources.places).values(pasted if isinstance(pasted, CommentedMap) else tree)

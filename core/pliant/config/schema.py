@@ -21,6 +21,7 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     Plugins that `without_schema` names are left out.
     """
     every = blocks()
+    registry = registry.for_model("")
     named = dict.fromkeys(block.interface for block in every.values() if block.interface)
     components = [c for i in named for c in registry.by_interface(i) if _usable(c)]
     registry = replace(registry, components=tuple(components))
@@ -41,7 +42,9 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     properties = schema["properties"]
     for key, block in every.items():
         if block.interface:
-            one = {"oneOf": _alternatives(by_interface, registry, block.interface)}
+            # An effect of one name may be of several kinds of models.
+            which = "anyOf" if block.interface == "effect" else "oneOf"
+            one = {which: _alternatives(by_interface, registry, block.interface)}
             properties[key] = {"type": "array", "items": one} if block.many else one
     if "RegionMaterials" in top["$defs"]:
         top["$defs"]["RegionMaterials"] |= {
@@ -86,7 +89,7 @@ def _usable(component: Component) -> bool:
 
 
 def _alternatives(by_interface: dict[str, list[Any]], registry: Registry, interface: str) -> list[Any]:
-    kinds = registry.kinds(interface)
+    kinds = list(dict.fromkeys(registry.kinds(interface)))
     short = (
         [{"enum": kinds, "description": "the kind alone, everything else at its default"}] if kinds else []
     )

@@ -20,11 +20,13 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.material import MaterialConfig
+from pliant.interfaces.model import ModelConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.registry.block import Block, blocks, kind_blocks, kind_lists
-from pliant.registry.discovery import Registry
+from pliant.registry.discovery import CHAIN, Registry
+from pliant.registry.files import with_files
 from pliant.registry.interface import interfaces
 from pliant.registry.place import imported
 from pliant.units import Ratio, strip_unit_suffix
@@ -66,6 +68,8 @@ class WorkersConfig(FrozenModel):
         return self.address if self.kind == "dask" else self.count
 
 
+# Blocks of a chain of modules, which a study with a `model` of its own does not have.
+OF_CHAINS = ("family", "material", "fem", "surrogate", "law_error", "chain", "physics", "cross_check", "task")
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 
 
@@ -79,6 +83,9 @@ class Study(FrozenModel):
         (), description="Python files with effects of your own (docs/write_an_effect.md)"
     )
     name: str = Field(pattern=NAME_PATTERN, max_length=100, description="names the output folder")
+    model: ModelConfig | None = Field(
+        None, description="a model of your own instead of a chain of modules (docs/your_own_model.md)"
+    )
     family: FamilyConfig | None = Field(None, description="the actuator module and its design parameters")
     material: MaterialConfig | None = Field(None, description="what it is made of")
     fem: FemConfig | None = Field(None, description="which states are solved, and by what")
@@ -121,10 +128,26 @@ class Study(FrozenModel):
         description="who works: a number of processes, or a dask cluster (docs/run_a_sweep_on_a_cluster.md)",
     )
 
+    @model_validator(mode="after")
+    def _check_one_model(self) -> Study:
+        chained = [key for key in OF_CHAINS if getattr(self, key)]
+        if self.model is not None and chained:
+            raise ValueError(f"'model' stands for the whole robot; leave out {', '.join(chained)}")
+        return self
+
     @property
     def places(self) -> Places:
         """Return where each key was written; empty for a study that came from no file."""
         return self._places
+
+    @property
+    def model_kind(self) -> str:
+        """Return the kind of the study's model: that of its block `model`, or `chain`."""
+        return CHAIN if self.model is None else self.model.kind
+
+    def registry(self, installed: Registry) -> Registry:
+        """Return the registry with the study's own plugin files, and the effects of its kind of model."""
+        return with_files(installed, self.plugins).for_model(self.model_kind)
 
     def stand_at(self, places: Places) -> None:
         """Keep the places where the keys were written, for messages; its measurements keep their own."""
@@ -199,6 +222,7 @@ def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:
     that pydantic reports them.
     """
     fields: dict[str, Any] = {}
+    registry = registry.for_model(_block_kind(raw.get("model")) or CHAIN)
     for key, block in blocks().items():
         if typed := _typed(block, raw.get(key), registry):
             fields[key] = (typed, ...)

@@ -20,7 +20,8 @@ from pliant.diagnosis.kept_posterior import kept_posterior
 from pliant.diagnosis.posterior import Posterior
 from pliant.diagnosis.scatter import ReadingScatter
 from pliant.errors import UserError
-from pliant.evidence.prediction import Predictor, RunReadings
+from pliant.evidence.measured_model import MeasuredModel, RunReadings
+from pliant.evidence.prediction import Predictor
 from pliant.pipeline.simulate import drawn_chains
 from pliant.pipeline.workbench import RunContext
 from pliant.records.design import Array
@@ -77,7 +78,7 @@ class Bands:
 
 
 def bands(
-    predictor: Predictor,
+    predictor: MeasuredModel,
     posterior: Posterior,
     scatter: Mapping[str, ReadingScatter],
     level: float = LEVEL,
@@ -86,7 +87,7 @@ def bands(
     """Return the bands of the model's readings on the predictor's runs.
 
     Args:
-        predictor: the chain without the effects of `posterior.candidate`, driven by the runs in question.
+        predictor: the model without the effects of `posterior.candidate`, driven by the runs in question.
         posterior: of the effects' parameters.
         scatter: by output, of the fit.
         level: probability that a reading is inside.
@@ -117,9 +118,9 @@ def bands(
     return Bands(level, tuple(mean), tuple(low), tuple(high))
 
 
-def _models(predictor: Predictor, count: int) -> list[Predictor] | None:
-    """Return the predictor with drawn laws; None where no law states an error."""
-    if all(law.error is None for law in predictor.chain.laws):
+def _models(predictor: MeasuredModel, count: int) -> list[Predictor] | None:
+    """Return the predictor with drawn laws; None where no law states an error, or the model has none."""
+    if not isinstance(predictor, Predictor) or all(law.error is None for law in predictor.chain.laws):
         return None
     chains = drawn_chains(predictor.chain, count, SEED)
     return [Predictor(predictor.context, predictor.backend, chain, predictor.measurement) for chain in chains]

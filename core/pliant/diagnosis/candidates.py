@@ -43,7 +43,7 @@ def candidate_kinds(registry: Registry, kinds: Sequence[str] | None = None) -> l
 
 
 def _fitted(registry: Registry, kind: str) -> bool:
-    return bool(cast(type[EffectConfig], registry.get("effect", kind).config_model()).fit_parameters())
+    return bool(registry.fit_parameters(kind))
 
 
 @dataclass(frozen=True)
@@ -154,8 +154,11 @@ class EffectSet:
         models = tuple(cast(type[EffectConfig], component.config_model()) for component in components)
         parameters = tuple(
             FitParameter(index, kind, parameter)
-            for index, (kind, model) in enumerate(zip(kinds, models, strict=True))
-            for parameter in (*model.fit_parameters(), *(model.form_parameters() if kind in forms else ()))
+            for index, kind in enumerate(kinds)
+            for parameter in (
+                *registry.fit_parameters(kind),
+                *(registry.fit_parameters(kind, forms=True) if kind in forms else ()),
+            )
         )
         found = EffectSet(tuple(kinds), parameters, models)
         for end in found.limits():

@@ -12,14 +12,12 @@ from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.fitting import STEP
 from pliant.diagnosis.law_discrepancy import LawReference, law_columns
 from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector
-from pliant.evidence.prediction import POSITION, Predictor
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
-# Noise of an output that was not measured: a share of its range, with these lower limits.
-LEAST_ANGLE_RAD, LEAST_OF_LENGTH = 0.002, 0.001
 # A measured specimen is no longer virgin: it is cycled once, unread, before a run of the menu.
 CONDITIONING_S, CONDITIONING_STEP_S = 20.0, 1.0
 
@@ -46,7 +44,7 @@ class CatalogueView:
     """
 
     runs: tuple[PlannedRun, ...]
-    predictor: Predictor
+    predictor: MeasuredModel
     readings: ReadingVector
     worth: Array
     place: NDArray[np.intp]
@@ -54,7 +52,10 @@ class CatalogueView:
 
     @staticmethod
     def from_predictor(
-        predictor: Predictor, runs: Sequence[PlannedRun], scales: Mapping[str, float], reading_s: float | None
+        predictor: MeasuredModel,
+        runs: Sequence[PlannedRun],
+        scales: Mapping[str, float],
+        reading_s: float | None,
     ) -> CatalogueView:
         """Return the view of the model driven through these runs.
 
@@ -65,7 +66,7 @@ class CatalogueView:
                 range.
             reading_s: time per independent reading of an output; None where every sample is one.
         """
-        measurement = _unread(runs, tuple(scales))
+        measurement = _unread(runs, tuple(scales), predictor.is_conditioned)
         driven = predictor.for_runs(measurement)
         added = [name for name in driven.outputs if name not in scales]
         every = dict(scales) | (_added_scales(driven, added) if added else {})
@@ -80,7 +81,7 @@ class CatalogueView:
             driven,
             readings,
             np.array([worth[r][t] for r, t in zip(readings.run, where, strict=True)]),
-            readings.run // 2,
+            readings.run // (2 if predictor.is_conditioned else 1),
             np.zeros((len(readings), 0)),
         )
 
@@ -123,12 +124,15 @@ def seconds_per_reading(measurement: Measurement, n_outputs: int, n_effective: f
     return seconds * n_outputs / max(n_effective, 1.0)
 
 
-def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...]) -> Measurement:
-    """Return each run after its specimen's conditioning; readings are zeros where they will be read, else NaN."""
+def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...], conditioned: bool) -> Measurement:
+    """Return each run, after its specimen's conditioning if asked; readings are 0 where they will be read, else NaN."""
     every = tuple(dict.fromkeys((*outputs, *(name for run in runs for name in run.adds))))
     measured = []
     for number, run in enumerate(runs):
         body = f"{run.history.specimen} {number}"
+        if not conditioned:
+            measured.append(unread_run(run.history.with_(specimen=body), every, (*outputs, *run.adds)))
+            continue
         before = _conditioning(run.history).with_(specimen="" if run.new_specimen else body)
         measured += [
             unread_run(before, every),
@@ -151,7 +155,7 @@ def _conditioning(history: History) -> History:
     )
 
 
-def _added_scales(predictor: Predictor, names: Sequence[str]) -> dict[str, float]:
+def _added_scales(predictor: MeasuredModel, names: Sequence[str]) -> dict[str, float]:
     """Return 2 % of the range that the model predicts where the output is read."""
     predicted, scales = predictor.predict(), {}
     for name in names:
@@ -163,8 +167,7 @@ def _added_scales(predictor: Predictor, names: Sequence[str]) -> dict[str, float
         )
         there = series[np.isfinite(series)]
         span = float(np.ptp(there)) if len(there) else 0.0
-        least = LEAST_OF_LENGTH * predictor.chain.length_m if POSITION.fullmatch(name) else LEAST_ANGLE_RAD
-        scales[name] = max(SHARE_OF_RANGE * span, least)
+        scales[name] = max(SHARE_OF_RANGE * span, predictor.least_noise(name)) or 1.0
     return scales
 
 

@@ -31,7 +31,7 @@ from pliant.diagnosis.excitation import (
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.law_discrepancy import LawReference
 from pliant.diagnosis.readings import SHARE_OF_RANGE
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -290,7 +290,7 @@ def unread(runs: Sequence[PlannedRun], outputs: Sequence[str]) -> Measurement:
 
 
 def design_runs(
-    predictor: Predictor,
+    predictor: MeasuredModel,
     runs: Sequence[PlannedRun],
     kinds: Sequence[str],
     *,
@@ -326,7 +326,7 @@ def shown_by(snr: Mapping[str, Sequence[float]], chosen: Sequence[int]) -> list[
     return [kind for kind, values in snr.items() if any(values[k] >= THRESHOLDS.excited for k in chosen)]
 
 
-def _scales(predictor: Predictor, runs: Sequence[PlannedRun]) -> dict[str, float]:
+def _scales(predictor: MeasuredModel, runs: Sequence[PlannedRun]) -> dict[str, float]:
     """Return 2 % of the range that the model predicts over the menu."""
     predicted = predictor.evaluate((), [run.history for run in runs]).runs
     scales = {}

@@ -53,11 +53,10 @@ from pliant.evidence.compared import predict_knowing
 from pliant.evidence.covariates import covariates
 from pliant.evidence.error_bins import run_residuals
 from pliant.evidence.importance import importance
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.execution.executors import Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, percent, whole_percent
-from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.floors import floor_remarks
 from pliant.measurements.repeats import repeat_groups
 from pliant.measurements.thinning import downsample
@@ -153,7 +152,7 @@ class Diagnosis:
 
 
 def diagnose(
-    predictor: Predictor,
+    predictor: MeasuredModel,
     *,
     kinds: Sequence[str] | None = None,
     thresholds: EvidenceThresholds = THRESHOLDS,
@@ -179,9 +178,13 @@ def diagnose(
     """
     started = time.perf_counter()
     registry = predictor.context.registry
-    asked = candidate_kinds(registry, kinds)
-    known, unknown = with_known_states(predictor.measurement)
-    short, shortened = downsample(known, len(predictor.chain.axes) > 1)
+    asked = (
+        predictor.default_kinds(candidate_kinds(registry))
+        if kinds is None
+        else candidate_kinds(registry, kinds)
+    )
+    known, unknown = predictor.with_known_states()
+    short, shortened = downsample(known, predictor.spatial)
     if shortened:
         predictor = predictor.for_runs(short)
     mistakes = find_mistakes(predictor)
@@ -195,7 +198,7 @@ def diagnose(
     )
     law_prior = law_prior or law_error_prior(predictor.law_error)
     fitter = fitter.with_law_error(nothing, law_prior, seen.n_effective)
-    threads = own_threads() if predictor.backend.capabilities.threads else 1
+    threads = own_threads() if predictor.threads else 1
     with executor_for(workers, threads=threads) as executor:
         if executor.remote:
             fitter.checked()
@@ -271,7 +274,7 @@ def diagnose(
     )
 
 
-def _learned(predictor: Predictor, readings: ReadingVector, table: EvidenceTable) -> LearnedTerm | None:
+def _learned(predictor: MeasuredModel, readings: ReadingVector, table: EvidenceTable) -> LearnedTerm | None:
     """Return a learned term on the unchanged model, or None."""
     groups = [group.runs for group in repeat_groups(predictor.measurement)]
     return learn(predictor, readings, table.noise, condition_indices(readings.n_runs, groups)[readings.run])

@@ -78,7 +78,6 @@ def applicable(
     reasons: dict[str, str] = {}
     asked: dict[str, tuple[EffectSet, Array]] = {}
     predictor = fitter.predictor
-    histories = [run.history for run in predictor.measurement.runs]
     for kind in kinds:
         try:
             candidate = EffectSet.from_kinds(registry, (kind,))
@@ -87,7 +86,7 @@ def applicable(
         except UserError as error:
             reasons[kind] = exclusion_reason(error)
             continue
-        if unsuited := effect.unsuited(predictor.chain, histories):
+        if unsuited := predictor.unsuited(effect):
             reasons[kind] = unsuited
         else:
             asked[kind] = candidate, start

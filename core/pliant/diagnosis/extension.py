@@ -32,7 +32,8 @@ from pliant.diagnosis.readings import ReadingVector, Score, readings_over_floor,
 from pliant.diagnosis.scatter import ReadingScatter, reading_scatter
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, square_per_reading, uncertainty
 from pliant.evidence.error_bins import Residuals, run_residuals
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.measured_model import MeasuredModel
+from pliant.evidence.opening import measured_model
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.pipeline.workbench import RunContext
@@ -109,7 +110,7 @@ class Extension:
 class Ground:
     """The basis on which effects are fitted: the bare chain in its engine, driven by the measured histories."""
 
-    predictor: Predictor
+    predictor: MeasuredModel
     measurement: Measurement
     groups: tuple[RepeatGroup, ...]
 
@@ -121,9 +122,7 @@ class Ground:
             UserError: an engine that cannot simulate histories, or no output that the model has.
         """
         bare = study.model_copy(update={"effects": ()})
-        return Ground(
-            Predictor.from_study(context, bare, measurement), measurement, repeat_groups(measurement)
-        )
+        return Ground(measured_model(context, bare, measurement), measurement, repeat_groups(measurement))
 
     def residuals(self, effects: Sequence[EffectConfig], measured: Measurement | None = None) -> Residuals:
         """Return residuals per run by output; of other readings of the same runs if they are given."""

@@ -25,7 +25,7 @@ from pliant.diagnosis.law_discrepancy import (
 from pliant.diagnosis.law_posterior import LawError, LawErrorPrior, Whitener
 from pliant.diagnosis.readings import ReadingVector
 from pliant.errors import ImpossibleEffectError, UserError
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.interfaces.effect import EffectConfig
 from pliant.least_squares import Point, Steps, descend
 from pliant.pipeline.remote import code_of, other_version, registry_with
@@ -70,7 +70,7 @@ class Fitter:
 
     def __init__(
         self,
-        predictor: Predictor,
+        predictor: MeasuredModel,
         readings: ReadingVector,
         weights: Array | None = None,
         law: LawReference | None = None,
@@ -112,9 +112,9 @@ class Fitter:
 
     def checked(self) -> None:
         """Make workers that receive the fitter from now on compare their code with ours."""
-        registry, backend = self.predictor.context.registry, self.predictor.backend
+        registry = self.predictor.context.registry
         effects = (one.implementation for one in registry.components if one.interface == "effect")
-        modules = {__name__, type(backend).__module__, *(place.partition(":")[0] for place in effects)}
+        modules = {__name__, *self.predictor.modules, *(place.partition(":")[0] for place in effects)}
         shipped = tuple(sorted(name for name in modules if not name.startswith(FILE_MODULE)))
         self.code = shipped, code_of(shipped)
 

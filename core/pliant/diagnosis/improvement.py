@@ -48,12 +48,12 @@ from pliant.evidence.comparison import compare
 from pliant.evidence.comparison_sentences import located
 from pliant.evidence.error_bins import Residuals
 from pliant.evidence.excess import Excess
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.measured_model import MeasuredModel
+from pliant.evidence.opening import measured_model
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.formatting import percent
 from pliant.interfaces.effect import EffectConfig
-from pliant.measurements.beginnings import with_known_states
 from pliant.measurements.repeats import repeat_groups
 from pliant.measurements.thinning import downsample
 from pliant.pipeline.workbench import RunContext
@@ -165,13 +165,13 @@ class _Walk:
         workers: Workers,
         split: TrainTestSplit | None,
     ) -> None:
-        measurement, self.unknown = with_known_states(measurement)
+        measurement, self.unknown = measured_model(context, study, measurement).with_known_states()
         self.context, self.study, self.measurement = context, study, measurement
         self.locked = split_runs(measurement) if split is None else split
         self.kinds, self.tick, self.workers = kinds, tick, workers
         training = self.locked.training
         self.unthinned = Ground.from_study(context, study, training)
-        short, _ = downsample(training, len(self.unthinned.predictor.chain.axes) > 1)
+        short, _ = downsample(training, self.unthinned.predictor.spatial)
         self.ground = self.unthinned if short is training else Ground.from_study(context, study, short)
         self.effects = study.effects
         self.added: list[str] = []
@@ -291,15 +291,15 @@ class _Walk:
         """Return the residuals of all runs, test runs too, by the model that is aligned to the training runs."""
         return self.unthinned.residuals(effects, self.measurement)
 
-    def _predictor(self) -> Predictor:
+    def _predictor(self) -> MeasuredModel:
         """Return the present model, driven by the training runs."""
         study = self.study.model_copy(update={"effects": self.effects})
-        return Predictor.from_study(self.context, study, self.ground.measurement)
+        return measured_model(self.context, study, self.ground.measurement)
 
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
         predictor = self._predictor()
-        own = own_runs(study, predictor.chain, predictor.measurement)
+        own = own_runs(study, predictor)
         self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick, workers=self.workers)
         self.mistakes = self.last.bookkeeping if self.mistakes is None else self.mistakes
         return self.last

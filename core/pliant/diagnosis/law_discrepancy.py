@@ -32,6 +32,7 @@ from pliant.diagnosis.law_posterior import LawErrorPrior, Whitener, coefficient_
 from pliant.diagnosis.learned_forms import KIND, LearnedForm, SeenMotion
 from pliant.diagnosis.readings import ReadingVector
 from pliant.errors import PliantError
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.mechanics.learned_curve import CurveAxis
@@ -68,12 +69,12 @@ class LawErrorBasis:
     def __len__(self) -> int:
         return self.directions.shape[1]
 
-    def effect(self, predictor: Predictor, coefficient: Array) -> EffectConfig:
+    def effect(self, predictor: MeasuredModel, coefficient: Array) -> EffectConfig:
         """Return δ with these coefficients (m,) as an effect of a study."""
         block = self.form.block(self.directions @ coefficient)
         return self.config(predictor).model_validate(block)
 
-    def config(self, predictor: Predictor) -> type[EffectConfig]:
+    def config(self, predictor: MeasuredModel) -> type[EffectConfig]:
         """Return the config model of the effect that represents δ."""
         return cast(type[EffectConfig], predictor.context.registry.get("effect", KIND).config_model())
 
@@ -101,9 +102,9 @@ def effort_range(chain: ChainModel, axes: tuple[CurveAxis, ...]) -> float:
     return float(max(finite, default=0.0))
 
 
-def law_error_basis(predictor: Predictor) -> LawErrorBasis | None:
-    """Return δ over the range that these runs visit; None if the law's error cannot show."""
-    if KIND not in predictor.context.registry.kinds("effect"):
+def law_error_basis(predictor: MeasuredModel) -> LawErrorBasis | None:
+    """Return δ over the range that these runs visit; None for a model without a joint law, or if it cannot show."""
+    if not isinstance(predictor, Predictor) or KIND not in predictor.context.registry.kinds("effect"):
         return None
     try:
         seen = SeenMotion(predictor)
@@ -190,7 +191,7 @@ class LawReference:
 
 
 def law_columns(
-    predictor: Predictor, readings: ReadingVector, effects: Sequence[EffectConfig], basis: LawErrorBasis
+    predictor: MeasuredModel, readings: ReadingVector, effects: Sequence[EffectConfig], basis: LawErrorBasis
 ) -> Array | None:
     """Return (N, m) d reading / d coefficient of the law's error, over the scales; None if the engine has none.
 

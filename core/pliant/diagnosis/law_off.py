@@ -13,6 +13,7 @@ from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.left_out import assign_blocks, heldout_residual
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.prediction import Predictor
 from pliant.formatting import output_unit
 from pliant.mechanics.learned_curve import basis as surface
@@ -53,7 +54,7 @@ class LawOff:
 
 
 def law_off(
-    predictor: Predictor,
+    predictor: MeasuredModel,
     measurement: Measurement,
     readings: ReadingVector,
     reference: LawReference | None,
@@ -70,7 +71,9 @@ def law_off(
         fit: the hypothesis.
         noise: estimated from the best hypothesis.
     """
-    if reference is None or fit.law is None or not np.isfinite(fit.raw).all():
+    if not isinstance(predictor, Predictor) or reference is None or fit.law is None:
+        return None
+    if not np.isfinite(fit.raw).all():
         return None
     basis = reference.basis
     change = fit.law.change

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pliant.diagnosis.learned_forms import LearnedForm
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array
@@ -56,7 +57,7 @@ class LearnedTerm:
 
 
 def learn(
-    predictor: Predictor,
+    predictor: MeasuredModel,
     readings: ReadingVector,
     noise: NoiseView,
     conditions: NDArray[np.intp],
@@ -65,12 +66,14 @@ def learn(
     """Return the learned term of the first registered model that these runs support, or None.
 
     Args:
-        predictor: the model, with all effects that it has.
+        predictor: the model, with all effects that it has; a term is learned for chains of modules alone.
         readings: in units of their scales.
         noise: estimated from the residuals of the model, or of the best explanation.
         conditions: (N,) number of each reading's condition: repeats share one.
         folds: (N,) number of the fold of each reading; the readings' own folds by default.
     """
+    if not isinstance(predictor, Predictor):
+        return None
     folds = readings.fold if folds is None else folds
     for model in residual_models().values():
         found: LearnedTerm | None = imported(model.learn)(predictor, readings, noise, conditions, folds)

@@ -36,9 +36,11 @@ from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import NOTHING, THRESHOLDS, UNKNOWN, EvidenceThresholds, Kinds
 from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView
 from pliant.diagnosis.verdict import named
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
 from pliant.experiments.planned_run import SET_UP, BenchScale, PlannedRun, unread_run
+from pliant.experiments.system_catalogue import system_catalogue
 from pliant.formatting import whole_percent
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import repeat_groups
@@ -255,17 +257,19 @@ class Belief:
         return self.thresholds.temperature * math.log(accepted / (1.0 - accepted))
 
 
-def candidate_runs(predictor: Predictor, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
+def candidate_runs(predictor: MeasuredModel, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
     """Return a study's own runs, or the default menu at the measurement's scale; the static one without a clock."""
     if own:
         return tuple(own)
+    if not isinstance(predictor, Predictor):
+        return system_catalogue(predictor)
     scale = BenchScale.from_measurement(predictor.chain, predictor.measurement)
     timed = any(run.history.time_s is not None for run in predictor.measurement.runs)
     return timed_catalogue(scale) if timed else static_catalogue(scale)
 
 
 def catalogue_view(
-    predictor: Predictor, scales: Mapping[str, float], n_effective: float, own: Sequence[PlannedRun] = ()
+    predictor: MeasuredModel, scales: Mapping[str, float], n_effective: float, own: Sequence[PlannedRun] = ()
 ) -> CatalogueView:
     """Return the model in the menu, with as many independent readings per time as in the measurement."""
     slow = seconds_per_reading(predictor.measurement, len(scales), n_effective)

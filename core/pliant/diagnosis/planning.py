@@ -21,6 +21,7 @@ from pliant.diagnosis.next_run import (
 )
 from pliant.diagnosis.search import Tick
 from pliant.errors import UserError
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs, planned_runs
@@ -68,7 +69,7 @@ def check_budget(runs: int | None, minutes: float | None) -> None:
 
 
 def plan_after(
-    predictor: Predictor,
+    predictor: MeasuredModel,
     study: Study,
     kinds: Sequence[str],
     *,
@@ -92,7 +93,7 @@ def plan_after(
         UserError: no run of the menu is that short.
     """
     most = np.inf if minutes is None else minutes
-    own = own_runs(study, predictor.chain, predictor.measurement)
+    own = own_runs(study, predictor)
     shortest = min(run.minutes for run in candidate_runs(predictor, own))
     if most < shortest:
         raise UserError(f"minutes is {most:g}; the shortest run takes {shortest:g} min with setting up.")
@@ -115,6 +116,11 @@ def plan_first_runs(
     minutes: float | None = None,
 ) -> FirstRuns:
     """Return the fewest runs of the menu that distinguish these effects; arguments as for `plan_after`."""
+    if study.model is not None:
+        raise UserError(
+            f"study '{study.name}' has a model of its own: a plan needs a recording first, whose ranges it keeps; give "
+            "'measurements' or --data."
+        )
     chain = build_study_chain(context, study).chain
     menu = planned_runs(study.protocols, BenchScale.from_chain(chain, task_actuation(study)))
     outputs = ("elongation_strain",) if chain.laws[0].joint == "prismatic" else ("angle_rad",)

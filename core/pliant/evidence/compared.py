@@ -8,10 +8,10 @@ from pliant.errors import NotReachedError
 from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import Comparison, compare
-from pliant.evidence.prediction import Predictor, RunReadings
+from pliant.evidence.measured_model import MeasuredModel, RunReadings
 
 
-def compare_model(predictor: Predictor) -> tuple[tuple[RunReadings, ...], Comparison]:
+def compare_model(predictor: MeasuredModel) -> tuple[tuple[RunReadings, ...], Comparison]:
     """Return the model's readings in each run, and their comparison with the measured ones.
 
     Raises:
@@ -23,7 +23,7 @@ def compare_model(predictor: Predictor) -> tuple[tuple[RunReadings, ...], Compar
     return predicted, compare(predictor.measurement, predicted, bookkeeping=mistakes)
 
 
-def predict_knowing(predictor: Predictor, mistakes: Sequence[Mistake]) -> tuple[RunReadings, ...]:
+def predict_knowing(predictor: MeasuredModel, mistakes: Sequence[Mistake]) -> tuple[RunReadings, ...]:
     """Return the predicted outputs of each run; where no sample has an equilibrium the error names the mistakes."""
     try:
         return predictor.predict()

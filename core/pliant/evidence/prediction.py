@@ -1,25 +1,22 @@
-"""Prediction of a study's model for measured runs: the same histories, the same readings.
-
-`read_study_measurement` reads the measurement with which a study is compared.
-"""
+"""Prediction of a study's chain for measured runs: the same histories, the same readings."""
 
 from __future__ import annotations
 
 import copy
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.errors import NotReachedError, UserError
+from pliant.errors import UserError
 from pliant.evidence.alignment import Alignment, Turns, components
+from pliant.evidence.measured_model import MeasuredModel, Prediction, RunReadings, differences
 from pliant.evidence.release import first_bend, released
-from pliant.interfaces.effect import EffectConfig, Model
+from pliant.interfaces.effect import Effect, EffectConfig, Model
+from pliant.interfaces.model import Channel
 from pliant.interfaces.physics import PhysicsBackend, Variation
-from pliant.measurements.beginnings import prepend_ramp
-from pliant.measurements.files import Sources, read_measurements
+from pliant.measurements.beginnings import prepend_ramp, with_known_states
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, orientations, trajectory
 from pliant.mechanics.prescribed import BLOCKED, blocked_efforts, is_held, prescribed_motion, without_held
 from pliant.pipeline.engine_checks import check_capabilities, check_terms, require_histories
@@ -29,16 +26,17 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History, held, run_by_run
 from pliant.records.measurement import Measurement
-from pliant_tables.columns import is_frame
+from pliant.units import si_unit
 
 JOINT_ANGLE = re.compile(r"joint_(\d+)_angle(?:_([yz]))?_rad")
 # Of the whole chain: the sum of its joints' coordinates about one axis, over its length for curvatures.
 BEND = re.compile(r"(angle|curvature)(?:_([yz]))?_(?:rad|1_per_m)")
 TRAVELS = ("elongation_strain", "extension_m")
 POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
+# Noise of an output that was not measured: at least this angle, or this share of the chain's length.
+LEAST_ANGLE_RAD, LEAST_OF_LENGTH = 0.002, 0.001
 # A marker may be stated to be outside the chain by this share of its length.
 BEYOND = 0.05
-RunReadings = dict[str, Array]
 # The integration is fine enough if twice as many steps change an output by less than this share of its range.
 CLOSE = 5e-4
 # Maximum number of steps from sample to sample, and in all runs together.
@@ -47,15 +45,7 @@ MOST_PARTS, MOST_STEPS = 16, 400_000
 MOST_PARTS_SPATIAL = 4
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Readings of each run by output, (t,) each; NaN where the chain found no equilibrium."""
-
-    runs: tuple[RunReadings, ...]
-    n_failed: int
-
-
-class Predictor:
+class Predictor(MeasuredModel):
     """A chain in an engine, driven by the histories of a measurement.
 
     The study's own effects are part of the model; `predict` and `vary` add further ones. `law_error` is the error of
@@ -190,6 +180,44 @@ class Predictor:
         return self._base.chain
 
     @property
+    def inputs(self) -> tuple[Channel, ...]:
+        """Return the chain's actuations."""
+        names = dict.fromkeys(actuator.input for actuator in self.chain.actuators)
+        return tuple(Channel(name, si_unit(name)) for name in names)
+
+    @property
+    def threads(self) -> bool:
+        """Return whether the engine works in several threads."""
+        return self.backend.capabilities.threads
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """Return the module of the engine."""
+        return (type(self.backend).__module__,)
+
+    @property
+    def spatial(self) -> bool:
+        """Return whether joints have several coordinates."""
+        return len(self.chain.axes) > 1
+
+    def with_known_states(self) -> tuple[Measurement, tuple[str, ...]]:
+        """Return the measurement without the first seconds of runs that begin in motion, and a sentence about them."""
+        return with_known_states(self.measurement)
+
+    def unsuited(self, effect: Effect) -> str:
+        """Return why these runs cannot show an effect on this chain; "" if they can."""
+        return effect.unsuited(self.chain, [run.history for run in self.measurement.runs])
+
+    @property
+    def is_conditioned(self) -> bool:
+        """Return true: rubber remembers its first load."""
+        return True
+
+    def least_noise(self, output: str) -> float:
+        """Return the smallest noise of an output that was not measured: a share of the length, or of an angle."""
+        return LEAST_OF_LENGTH * self.chain.length_m if POSITION.fullmatch(output) else LEAST_ANGLE_RAD
+
+    @property
     def main_axis(self) -> int:
         """Return the index of a joint's main coordinate."""
         return self._geometry.main
@@ -218,21 +246,16 @@ class Predictor:
         paths, _ = require_histories(self.backend).follow(model.chain, driven)
         return self._unturned(model, paths, driven, 1)
 
-    def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
-        """Return the predicted outputs of each run, in as many steps as they need; see `Prediction`.
-
-        Raises:
-            NotReachedError: no sample of any run has an equilibrium.
-        """
-        prediction = self.refined(self.steps_between_samples(effects)).evaluate(effects)
-        if prediction.n_failed == sum(map(len, self._histories)):
-            raise NotReachedError("the model has no equilibrium in any of the measured states")
-        return prediction.runs
+    @property
+    def no_state(self) -> str:
+        """Return the sentence on a model that reaches none of the measured states."""
+        return "the model has no equilibrium in any of the measured states"
 
     def evaluate(
         self, effects: Sequence[EffectConfig] = (), histories: Sequence[History] | None = None
     ) -> Prediction:
         """Return the prediction, for `histories` instead of the measured ones if they are given."""
+        self.heed()
         driven = self._histories if histories is None else list(histories)
         model = self._changed(self._base, effects)
         parts = _fitting_parts(model, self.parts)
@@ -261,14 +284,15 @@ class Predictor:
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """Return the prediction, and its first-order changes under small changes of the effects' parameters."""
+        self.heed()
         models = [self._changed(self._base, changed) for changed in (effects, *towards)]
         parts = _fitting_parts(models[0], self.parts)
-        found, differences = self._vary(models, parts)
+        found, moves = self._vary(models, parts)
         if parts == 1:
-            return found, differences
+            return found, moves
         coarser, others = self._vary(models, parts // 2)
         runs = _extrapolated(found.runs, coarser.runs)
-        pairs = zip(differences, others, strict=True)
+        pairs = zip(moves, others, strict=True)
         return Prediction(runs, found.n_failed), tuple(_extrapolated(fine, coarse) for fine, coarse in pairs)
 
     def _vary(
@@ -279,7 +303,7 @@ class Predictor:
         if any(map(is_held, self._histories)):
             kept = self._held(model, self._histories, parts)
             moved_runs = [self._held(other, self._histories, parts).runs for other in others]
-            return kept, tuple(_differences(kept.runs, there) for there in moved_runs)
+            return kept, tuple(differences(kept.runs, there) for there in moved_runs)
         fine = self._fine(self._histories, parts)
         driven = tuple(self._reached(model, fine))
         if others and all(m.chain is model.chain and m.inputs == model.inputs for m in others):
@@ -287,17 +311,17 @@ class Predictor:
             base = self._read(model, paths, driven, parts)
             failed = int(sum((~path.converged).sum() for path in paths))
             seen = (self._read(other, paths, driven, parts) for other in others)
-            return Prediction(base, failed), tuple(_differences(base, there) for there in seen)
+            return Prediction(base, failed), tuple(differences(base, there) for there in seen)
         variations = [Variation(m.chain, tuple(self._reached(m, fine))) for m in others]
         paths, changes = require_histories(self.backend).follow(model.chain, driven, variations)
         base = self._read(model, paths, driven, parts)
-        differences = []
+        moves: list[tuple[RunReadings, ...]] = []
         for other, change, variation in zip(others, changes, variations, strict=True):
             pairs = zip(paths, change, strict=True)
             moved = [Followed(a.joint_angles + d.joint_angles, a.converged) for a, d in pairs]
-            differences.append(_differences(base, self._read(other, moved, variation.histories, parts)))
+            moves.append(differences(base, self._read(other, moved, variation.histories, parts)))
         failed = int(sum((~path.converged).sum() for path in paths))
-        return Prediction(base, failed), tuple(differences)
+        return Prediction(base, failed), tuple(moves)
 
     def _fine(self, histories: Sequence[History], parts: int) -> Sequence[History]:
         """Return histories at every step, closed valves applied first; those of the measured runs are cached."""
@@ -479,11 +503,6 @@ class Predictor:
         return self._geometry.turns and (axis is None or axis in self._geometry.axes)
 
 
-def _differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:
-    """Return the differences of readings to those of the base, run by run."""
-    return tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
-
-
 def _fitting_parts(model: Model, parts: int) -> int:
     """Return `parts`, or 1 with inertia: its term is of second order and damps oscillations between the samples."""
     return 1 if any(term.is_inertia for term in model.chain.terms) else parts
@@ -511,36 +530,6 @@ def _change(one: Sequence[RunReadings], other: Sequence[RunReadings], name: str)
 
 
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
-
-
-def read_study_measurement(context: RunContext, study: Study, data: Sources = None) -> Measurement:
-    """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
-
-    Several files, or a pattern for them, are read as one measurement, in their order: the block's renames, units and
-    sigmas apply to all of them. If `data` are given, its exclusions apply to the first. `data` may also be pandas
-    frames.
-
-    The ranges that the model covers (its laws' domains, the chain's length) are used to detect a wrong unit.
-
-    Raises:
-        UserError: no file is named, or it cannot be read.
-    """
-    settings = study.measurements
-    given = is_frame(data) or bool(data)
-    if settings is None and not given:
-        raise UserError(
-            f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
-            "or give --data bench.csv."
-        )
-    chain = build_study_chain(context, study).chain
-    return read_measurements(
-        data if given or settings is None else settings.file,
-        settings,
-        actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
-        expected=expected_ranges(chain),
-        progress=context.progress,
-        exclude_from_first=given,
-    )
 
 
 def expected_ranges(chain: ChainModel) -> Mapping[str, tuple[float, float]]:

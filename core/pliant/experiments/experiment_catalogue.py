@@ -11,6 +11,8 @@ import numpy as np
 from pliant.config.protocols import Level, ProtocolConfig
 from pliant.config.study import Study
 from pliant.errors import UserError, closest
+from pliant.evidence.measured_model import MeasuredModel
+from pliant.evidence.prediction import Predictor
 from pliant.experiments.planned_run import (
     NEW,
     SET_UP,
@@ -23,10 +25,8 @@ from pliant.experiments.planned_run import (
     dense_steps,
     steps,
 )
-from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.measurement import Measurement
 from pliant.units import UnitError, parse_quantity
 
 SLOW_STEP_S, FINE_STEP_S, STEP_RISE_S = 1.0, 0.02, 0.3
@@ -324,11 +324,17 @@ def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
     return tuple(runs)
 
 
-def own_runs(study: Study, chain: ChainModel, measurement: Measurement) -> tuple[PlannedRun, ...]:
-    """Return the runs of a study's `protocols`, at the scale of a measurement; empty without such a block."""
+def own_runs(study: Study, model: MeasuredModel) -> tuple[PlannedRun, ...]:
+    """Return the runs of a study's `protocols`, at the scale of the model's measurement; empty without such a block.
+
+    Raises:
+        UserError: a run that the model cannot do.
+    """
     if not study.protocols:
         return ()
-    return planned_runs(study.protocols, BenchScale.from_measurement(chain, measurement))
+    if not isinstance(model, Predictor):
+        raise UserError(f"study '{study.name}': 'protocols' are runs of a chain of modules; leave them out.")
+    return planned_runs(study.protocols, BenchScale.from_measurement(model.chain, model.measurement))
 
 
 def planned_runs(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[PlannedRun, ...]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, get_args
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Self, get_args
 
 from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
@@ -16,7 +16,10 @@ from pliant.records.history import History, held
 from pliant.records.term import LawTerm
 from pliant.units import Quantity
 
-Place = Literal["input", "law", "chain", "output"]
+# Of a chain: input, law, chain, output. Of a user's own model: input, output, and its attachment points.
+Place = Literal["input", "law", "chain", "output", "joint", "tendon", "body", "world", "state", "parameter"]
+# Separates the kind of an effect from the names of the places where it acts: `viscous_damping@elbow`.
+AT = "@"
 # Readings by name: numbers, lists of them or arrays over time.
 Readings = Mapping[str, Any]
 InputMap = Callable[[History], History]
@@ -98,7 +101,7 @@ def parameter(
     is used in the component's smallest block. `EffectConfig.fit_parameters` raises `TypeError` for an invalid
     declaration.
     """
-    field: FieldInfo = Field(  # type: ignore[assignment]
+    info: FieldInfo = Field(  # type: ignore[assignment]
         default=neutral,
         ge=bounds[0],
         le=bounds[1],
@@ -106,8 +109,8 @@ def parameter(
         examples=None if example is None else [example],
     )
     forms = tuple((simpler or {}).items())
-    field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior, forms))
-    return field
+    info.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior, forms))
+    return info
 
 
 class EffectConfig(ComponentConfig):
@@ -141,8 +144,8 @@ class EffectConfig(ComponentConfig):
     @classmethod
     def _declared(cls) -> tuple[EffectParameter, ...]:
         declared = []
-        for name, field in cls.model_fields.items():
-            for item in field.metadata:
+        for name, info in cls.model_fields.items():
+            for item in info.metadata:
                 if isinstance(item, EffectParameter):
                     declared.append(replace(item, name=name, unit=_unit(cls, name, item.unit)))
         for one in declared:
@@ -187,37 +190,32 @@ class EffectNotes:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """A chain with its law terms, maps of its inputs and maps of its readings, which effects change.
+class Signals:
+    """Maps of the inputs and of the readings of a model, which effects change.
 
-    An input map takes the history of one run and returns the history that reaches the chain. An output map
+    An input map takes the history of one run and returns the history that reaches the system. An output map
     takes readings by name (docs/conventions.md) and returns the sensor values; it leaves other names unchanged. The
-    readings of a run with a clock include `time_s` (t,); if the inputs that reach the chain are known, they include
+    readings of a run with a clock include `time_s` (t,); if the inputs that reach a chain are known, they include
     `actuation` (t,), their unsigned sum.
     """
 
-    chain: ChainModel
-    inputs: tuple[InputMap, ...] = ()
-    outputs: tuple[OutputMap, ...] = ()
+    inputs: tuple[InputMap, ...] = field(default=(), kw_only=True)
+    outputs: tuple[OutputMap, ...] = field(default=(), kw_only=True)
 
-    def with_(self, **changes: object) -> Model:
+    def with_(self, **changes: object) -> Self:
         """Return a copy with some fields replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
-    def with_input(self, change: InputMap) -> Model:
+    def with_input(self, change: InputMap) -> Self:
         """Return a copy with an additional map of its inputs."""
         return replace(self, inputs=(*self.inputs, change))
 
-    def with_term(self, term: LawTerm) -> Model:
-        """Return a copy with an additional term in every joint's law."""
-        return replace(self, chain=self.chain.with_(terms=(*self.chain.terms, term)))
-
-    def with_output(self, change: OutputMap) -> Model:
+    def with_output(self, change: OutputMap) -> Self:
         """Return a copy with an additional map of its readings."""
         return replace(self, outputs=(*self.outputs, change))
 
     def commanded(self, history: History) -> History:
-        """Return the history that reaches the chain for a commanded one: closed valves, then the effects' maps."""
+        """Return the history that reaches the system for a commanded one: closed valves, then the effects' maps."""
         history = held(history)
         for change in self.inputs:
             history = change(history)
@@ -230,6 +228,17 @@ class Model:
         return readings
 
 
+@dataclass(frozen=True, eq=False)
+class Model(Signals):
+    """A chain with its law terms, maps of its inputs and maps of its readings, which effects change."""
+
+    chain: ChainModel
+
+    def with_term(self, term: LawTerm) -> Model:
+        """Return a copy with an additional term in every joint's law."""
+        return replace(self, chain=self.chain.with_(terms=(*self.chain.terms, term)))
+
+
 class Effect(Configured[EffectConfig]):
     """One effect at one of four places: input, joint law, chain, output.
 
@@ -237,12 +246,14 @@ class Effect(Configured[EffectConfig]):
     keeps no memory: internal states belong to `LawTerm`s, and an input map gets the whole run. The docstring
     of a subclass's file gives the equation and its source. `recommended_experiments` names runs of the default
     catalogue (`pliant.experiments.experiment_catalogue`) that excite the effect and distinguish it from its look-alike.
+    `models` are the kinds of models that an effect of a user's file changes, a package states them in its manifest.
     `actuation` names the input that the chain's laws must have for the effect to apply (`tendon_force_n`); "" for any
     input. `fitted` is False if an effect's numbers are learned as a whole: it then declares no parameter, so that no
     diagnosis tries it.
     """
 
     place: ClassVar[Place]
+    models: ClassVar[tuple[str, ...]] = ("chain",)
     notes: ClassVar[EffectNotes] = EffectNotes()
     recommended_experiments: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""

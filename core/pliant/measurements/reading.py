@@ -153,7 +153,7 @@ def read_measurement(
         runs_seen |= names
         spans_here = [(number, span) for number, span in spans_here if span.run in names]
     placed = [(span, notes.at(notes_name, "exclude", number)) for number, span in spans_here]
-    runs = _without_excluded(runs, placed, said)
+    runs = without_excluded(runs, placed, said)
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
     if not runs and runs_seen is not None:  # other files may have some
         return Measurement((), (), path.name, tuple(said))
@@ -379,7 +379,7 @@ def _run(
     return MeasuredRun(history, readings, sigma, column("cycle", np.nan), lines)
 
 
-def _without_excluded(
+def without_excluded(
     runs: Sequence[MeasuredRun], exclude: Sequence[tuple[ExcludedSpan, str]], said: list[str]
 ) -> list[MeasuredRun]:
     """Return runs with the readings of excluded spans set to missing, so that the model still simulates them.

@@ -64,7 +64,7 @@ class RemoteStudy:
         registry = registry_with(self.plugins)
         raw = json.loads(self.study)
         study: Study = study_model(raw, registry).model_validate(raw)
-        return RunContext(registry, ArtifactStore(store, study.name)), study
+        return RunContext(registry.for_model(study.model_kind), ArtifactStore(store, study.name)), study
 
 
 def other_version(how: str) -> UserError:

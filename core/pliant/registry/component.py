@@ -35,6 +35,7 @@ class Component:
         lazy: modules that only part of its work needs, such as a fit but not the law of a stored one; their versions
             are part of the keys too. It imports them where they are needed, and raises `MissingDependencyError`.
         install: command that installs a missing module.
+        models: of an effect, the kinds of models that it changes: `chain`, or kinds of the block `model`.
         package: name and version of the distribution; filled by discovery.
     """
 
@@ -47,6 +48,7 @@ class Component:
     requires: tuple[str, ...] = ()
     lazy: tuple[str, ...] = ()
     install: str = ""
+    models: tuple[str, ...] = ("chain",)
     package: str = ""
 
     def from_package(self, package: str) -> Component:
@@ -72,6 +74,8 @@ class Component:
             if not (isinstance(value, tuple | list) and all(isinstance(m, str) for m in value)):
                 verb = "requires" if name == "requires" else "has lazy"
                 return f"{self.label} {verb} {value!r}; write a tuple of module names"
+        if not (isinstance(self.models, tuple) and self.models):
+            return f"{self.label} has models {self.models!r}; write a tuple of kinds of models"
         if not isinstance(self.example, Mapping):
             return f"{self.label} has example {self.example!r}; write a dict of config values"
         return None

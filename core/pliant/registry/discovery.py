@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 import pluggy
 
 from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.interfaces.base import ComponentConfig
-from pliant.interfaces.effect import Effect
+from pliant.interfaces.effect import AT, Effect, EffectConfig, EffectParameter
 from pliant.interfaces.material import MaterialConfig, with_regions
 from pliant.records.actuation import register
 from pliant.registry.block import Block, blocks
@@ -29,6 +29,10 @@ from pliant.registry.result_folder import ResultFolder, result_folders
 from pliant.registry.shipped import REMEDY, shipped_in
 from pliant.registry.stored_record import StoredRecord, stored_records
 
+# The kind of model of studies without a block `model`: a chain of modules.
+CHAIN = "chain"
+# (kind of effect, declared parameter) → the parameter of a model.
+Adapted = Callable[[str, EffectParameter], EffectParameter]
 # Contract number → changes that a plugin of the previous number needs.
 CHANGES = {
     2: "an effect declares each parameter once, as a field of its config by `parameter(…)`, and no longer in a list "
@@ -52,15 +56,42 @@ ENTRIES: Mapping[str, tuple[type[Any], Callable[[], Mapping[str, Entry]]]] = {
 
 @dataclass(frozen=True)
 class Registry:
-    """All discovered components, and failed plugins."""
+    """All discovered components, and failed plugins.
+
+    Attributes:
+        components, failures: of all packages.
+        clashes: interface and kind → the places of kinds that are defined twice.
+        model: the kind of model whose effects are meant, "" for all; several kinds may have effects of one name.
+        adapted: gives a declared parameter of an effect, by its kind, the plausible range for the model at hand.
+    """
 
     components: tuple[Component, ...]
     failures: tuple[FailedPlugin, ...] = ()
     clashes: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
+    model: str = CHAIN
+    adapted: Adapted | None = None
+
+    def for_model(self, kind: str, adapted: Adapted | None = None) -> Registry:
+        """Return the registry with the effects of this kind of model, their parameters adapted to the model at hand."""
+        return replace(self, model=kind, adapted=adapted)
 
     def by_interface(self, interface: str) -> tuple[Component, ...]:
-        """Return the components of one interface, sorted by kind."""
-        return tuple(sorted((c for c in self.components if c.interface == interface), key=lambda c: c.kind))
+        """Return the components of one interface, sorted by kind; of effects those for the kind of model."""
+        found = (c for c in self.components if c.interface == interface and self._is_meant(c))
+        return tuple(sorted(found, key=lambda c: c.kind))
+
+    def _is_meant(self, component: Component) -> bool:
+        return component.interface != "effect" or not self.model or self.model in component.models
+
+    def fit_parameters(self, kind: str, forms: bool = False) -> tuple[EffectParameter, ...]:
+        """Return the parameters of an effect that a fit may vary, scaled to the model; with `forms` those of its form.
+
+        Raises `UserError` for an unknown kind.
+        """
+        model = cast(type[EffectConfig], self.get("effect", kind).config_model())
+        declared = model.form_parameters() if forms else model.fit_parameters()
+        adapt = self.adapted
+        return declared if adapt is None else tuple(adapt(kind, one) for one in declared)
 
     def kinds(self, interface: str) -> list[str]:
         """Return the kinds of one interface."""
@@ -72,9 +103,10 @@ class Registry:
             places = self.clashes[interface, kind]
             remedy = "uninstall one of them" if ":" not in places[0] else "give one of them another kind"
             raise UserError(f"{interface} '{kind}' is defined by {' and '.join(places)}; {remedy}.")
+        plain, at, pattern = kind.partition(AT) if interface == "effect" else (kind, "", "")
         for component in self.components:
-            if (component.interface, component.kind) == (interface, kind):
-                return component
+            if (component.interface, component.kind) == (interface, plain) and self._is_meant(component):
+                return replace(component, kind=kind) if at and pattern and self.model != CHAIN else component
         for failure in self.failures:
             if (interface, kind) in failure.kinds:
                 raise UserError(f"{interface} '{kind}' of {failure.package} cannot be used: {failure.cause}.")
@@ -253,8 +285,9 @@ def _without_clashes(components: list[Component], failures: list[FailedPlugin]) 
         by_key.setdefault((component.interface, component.kind), []).append(component)
     kept, clashes = [], {}
     for key, group in by_key.items():
-        if len(group) == 1:
-            kept.append(group[0])
+        models = [model for component in group for model in component.models]
+        if len(group) == 1 or (key[0] == "effect" and len(set(models)) == len(models)):
+            kept += group
             continue
         clashes[key] = _places(group)
         cause = "the kind is defined twice, so that none of them is used"

@@ -57,7 +57,7 @@ def with_files(registry: Registry, files: Sequence[Path]) -> Registry:
 
 def load_components(file: Path) -> list[Component]:
     """Return the components that a Python file defines; raise `UserError` as `with_files` does."""
-    module = _module(file)
+    module = load_module(file)
     package = file.name
     if hasattr(module, HOOK):
         try:
@@ -83,12 +83,13 @@ def not_run_yet(files: Sequence[Path]) -> list[Path]:
     return [file for file in files if str(file.resolve()) not in ran]
 
 
-def _module(file: Path) -> ModuleType:
+def load_module(file: Path) -> ModuleType:
+    """Return a Python file as a module, executed once per version of its code; errors as of `with_files`."""
     try:
         source = file.read_bytes()
     except FileNotFoundError:
         raise UserError(
-            f"{shown(file)}: no such file; 'plugins' lists Python files, from the study's folder."
+            f"{shown(file)}: no such file; Python files are named from the study's folder."
         ) from None
     except (OSError, ValueError) as error:
         raise UserError(
@@ -131,7 +132,7 @@ def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleTyp
             f"{CONTRACT_VERSION}: {CHANGES[2]} (docs/plugin_contract.md)."
         )
     kind = config.model_fields["kind"]
-    words = get_args(kind.annotation)
+    words = (kind.default,) if kind.annotation is str and kind.default else get_args(kind.annotation)
     if len(words) != 1 or kind.default != words[0]:
         raise UserError(
             f"{_location(config, file)}: {config.__name__} does not say its kind; write "
@@ -144,6 +145,7 @@ def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleTyp
         config=f"{module.__name__}:{config.__name__}",
         implementation=f"{module.__name__}:{effect.__name__}",
         summary=text.splitlines()[0].rstrip("."),
+        models=effect.models,
         package=file.name,
     )
     problem = component.problem()

@@ -10,8 +10,10 @@ ENTRIES = {
     "pliant_designs": ("sweep", "meta_model"),
     "pliant_export": ("export",),
     "pliant_learned": (),
+    "pliant_mjcf": ("model mjcf",),
     "pliant_ppo": ("optimizer ppo",),
     "pliant_search": ("optimize", "search", "optimizer"),
+    "pliant_systems": ("model python",),
     "pliant_view": ("render", "view"),
 }
 PACKAGES = ("pliant", "pliant_plugins", *ENTRIES)

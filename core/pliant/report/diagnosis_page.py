@@ -11,7 +11,7 @@ from pliant.diagnosis.diagnosis import Diagnosis, circumstance
 from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.verdict import named
 from pliant.evidence.covariates import Covariate
-from pliant.evidence.prediction import RunReadings
+from pliant.evidence.measured_model import RunReadings
 from pliant.formatting import NamedUnit, number, output_unit, whole_percent
 from pliant.interfaces.effect import EffectNotes
 from pliant.measurements.repeats import RepeatGroup, aligned, repeat_groups

@@ -14,7 +14,7 @@ from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.covariates import Covariates, covariates
 from pliant.evidence.error_bins import Residuals, run_residuals
-from pliant.evidence.prediction import RunReadings
+from pliant.evidence.measured_model import RunReadings
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, display_unit, output_unit
 from pliant.records.design import Array

@@ -15,12 +15,14 @@ from typing import Any
 
 from pliant import __version__
 from pliant.config.study import Study
+from pliant.interfaces.model import SystemModel
 from pliant.pipeline.study import build_study_chain, study_physics
 from pliant.pipeline.workbench import RunContext, content, digest
 from pliant.records.chain import ChainModel
 from pliant.records.measurement import Measurement
 from pliant.records.plain_values import plain
 from pliant.records.remark import Rank
+from pliant.registry.component import Component
 from pliant.registry.files import FILE_MODULE, effect_files
 from pliant.registry.residual_model import residual_models
 from pliant.report.document import Document, Page, Table, Warned
@@ -73,10 +75,11 @@ class Question:
             c for c in context.registry.components if c.interface == "effect" and c.missing() is None
         ]
         shipped = [c for c in components if not c.implementation.startswith(FILE_MODULE)]
+        source, numbers = _model_identity(context, self.study)
         return context.make(
             self.modules[0].rpartition(".")[2],
             lambda partial: compute(),
-            components=[context.component("physics", study_physics(context, self.study)), *shipped],
+            components=[source, *shipped],
             modules=[
                 *self.modules,
                 *(model.module for model in residual_models().values()),
@@ -87,7 +90,7 @@ class Question:
             config={
                 "study": content(self.study),
                 "options": dict(self.options),
-                "chain": _chain_digest(build_study_chain(context, self.study).chain),
+                "chain": numbers,
                 "measurement": content_digest(self.measurement),
                 "effects": sorted(component.kind for component in components),
                 "files": [digest(Path(file)) for file in effect_files(context.registry)],
@@ -118,6 +121,15 @@ def stored_answer(
     value = artifact.value
     made = Page(value["html"], value["pictures"])
     return StoredAnswer(_document(value["document"]), made, value["files"], artifact.cached)
+
+
+def _model_identity(context: RunContext, study: Study) -> tuple[Component, Any]:
+    """Return the component that simulates a study's model, and what identifies its numbers."""
+    if study.model is not None:
+        system: SystemModel = context.build("model", study.model)
+        return context.component("model", study.model), dict(system.fingerprint())
+    chain = build_study_chain(context, study).chain
+    return context.component("physics", study_physics(context, study)), _chain_digest(chain)
 
 
 def _chain_digest(chain: ChainModel) -> str:

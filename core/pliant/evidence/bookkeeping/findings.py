@@ -18,6 +18,7 @@ from pliant.evidence.bookkeeping.static_model import (
     spread_error,
     zeroed_error,
 )
+from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.prediction import POSITION, POSITIONS, Predictor
 from pliant.formatting import number, whole_percent
 from pliant.measurements.floors import noise_floors
@@ -47,13 +48,15 @@ FEWEST = 8
 ABOVE_NOISE = 1.5
 
 
-def find_mistakes(predictor: Predictor) -> tuple[Mistake, ...]:
+def find_mistakes(predictor: MeasuredModel) -> tuple[Mistake, ...]:
     """Return the probable bookkeeping mistakes of a recording and its notes; empty without any.
 
     Each finding is judged by the model at equilibrium on a small part of the samples, which takes about a second.
-    Recordings whose joints are held by the test rig are not examined.
+    Recordings whose joints are held by the test rig are not examined, nor those of other models than chains.
     """
-    if any(is_held(run.history) for run in predictor.measurement.runs):
+    if not isinstance(predictor, Predictor) or any(
+        is_held(run.history) for run in predictor.measurement.runs
+    ):
         return ()
     model = StaticModel.downsampled(predictor)
     if model is None or min(np.isfinite(v).sum() for v in model.readings.values()) < FEWEST:

@@ -1,0 +1,180 @@
+"""SystemModel: a user's own model of a system, which a study names in its block `model`.
+
+It declares what drives it (`inputs`), what it reads (`outputs`), where effects can act (`attachments`), and simulates
+runs from the histories of its inputs.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from pliant.errors import UserError, closest
+from pliant.interfaces.base import ComponentConfig, Configured
+from pliant.interfaces.effect import AT, Effect, EffectParameter, Model, Signals
+from pliant.records.design import Array
+from pliant.records.history import History
+
+
+class ModelConfig(ComponentConfig):
+    """Base of the block `model`."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """An input or an output of a system.
+
+    Attributes:
+        name: in measurements and messages, with its SI unit at the end: ``shoulder_n_m``.
+        unit: SI unit; "" for a pure number.
+        label: the actuator or sensor of the model: ``actuator 'shoulder'``.
+        low, high: allowed range of an input, SI; None without a limit.
+    """
+
+    name: str
+    unit: str = ""
+    label: str = ""
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SystemParts(Signals):
+    """What effects change of a system: its signals, and the parts that its own kind of model knows.
+
+    Attributes:
+        scales: largest magnitude of each input and output in the measured runs, SI; 1 where nothing is known.
+        names: names of the inputs, then of the outputs.
+        changes: what effects at the model's attachment points add, in their order; the model's package defines them.
+    """
+
+    scales: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    names: tuple[tuple[str, ...], tuple[str, ...]] = field(default=((), ()), kw_only=True)
+    changes: tuple[Any, ...] = field(default=(), kw_only=True)
+
+    def with_change(self, change: object) -> SystemParts:
+        """Return a copy with an additional change of the model."""
+        return replace(self, changes=(*self.changes, change))
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A run to simulate.
+
+    Attributes:
+        history: the inputs that reach the system, after the effects' maps, by channel; straight lines between samples.
+        first: the readings of the run's first sample by output, SI; empty where none was read.
+    """
+
+    history: History
+    first: Mapping[str, float] = field(default_factory=dict)
+
+
+SystemReadings = dict[str, Array]
+
+
+class SystemModel(Configured[ModelConfig]):
+    """A model that predicts the readings of runs.
+
+    An implementation has no state that changes: `simulate` gives the same result for the same arguments, in any thread
+    if `threads` is true.
+    """
+
+    threads: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def inputs(self) -> tuple[Channel, ...]:
+        """Return what drives the system."""
+
+    @property
+    @abstractmethod
+    def outputs(self) -> tuple[Channel, ...]:
+        """Return what it reads."""
+
+    @property
+    def attachments(self) -> Mapping[str, tuple[str, ...]]:
+        """Return the names of the places where effects can act, by kind of place: ``{"joint": ("elbow",)}``.
+
+        Inputs and outputs are places of every model.
+        """
+        return {}
+
+    def adapted(self, kind: str, declared: EffectParameter) -> EffectParameter:
+        """Return a parameter of an effect with the range that is plausible for this system.
+
+        Parameters in SI units have a size that depends on the system: the damping of a finger is not that of an
+        excavator.
+        """
+        return declared
+
+    def default_kinds(self, kinds: Sequence[str]) -> list[str]:
+        """Return the kinds of effects that a diagnosis tries first, among all kinds for this kind of model."""
+        return list(kinds)
+
+    @abstractmethod
+    def simulate(self, parts: SystemParts, drives: Sequence[Drive]) -> tuple[SystemReadings, ...]:
+        """Return (t,) every output at the samples of each run, SI, before the effects' maps of readings.
+
+        Readings are NaN from the sample on at which the simulation of a run diverges.
+
+        Raises:
+            UserError: the model cannot simulate these runs at all.
+        """
+
+    def remarks(self, drives: Sequence[Drive]) -> tuple[str, ...]:
+        """Return sentences on these runs that limit a comparison, such as contacts that chatter."""
+        return ()
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Return JSON values that identify the model's files and libraries, for keys of results."""
+        return {}
+
+
+def effect_kind(kind: str) -> Any:
+    """Return the field `kind` of a system effect's config: the kind, with a pattern of places behind it."""
+    return Field(kind, pattern=f"^{kind}({AT}.+)?$")
+
+
+class SystemEffect(Effect):
+    """An effect of a system, at the places of its kind (`place`) that the pattern behind the ``@`` of its kind names.
+
+    Its config declares ``kind: str = effect_kind("viscous_damping")``.
+
+    ``viscous_damping`` acts on all joints alike, ``viscous_damping@elbow`` on one, ``viscous_damping@arm_*`` on some.
+    """
+
+    models = ("python", "mjcf")
+
+    @property
+    def pattern(self) -> str:
+        """Return the pattern of the places; ``*`` for all."""
+        return self.config.kind.partition(AT)[2] or "*"
+
+    def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the names that the pattern fits; raise `UserError` without any."""
+        found = tuple(name for name in names if fnmatchcase(name, self.pattern))
+        if not found:
+            known = ", ".join(names) or f"no {self.place}"
+            raise UserError(
+                f"effect '{self.config.kind}' acts on no {self.place}: the model has {known}"
+                f"{closest(self.pattern, names)}"
+            )
+        return found
+
+    def apply(self, model: Any) -> Any:
+        """Return the system with this effect; raise `UserError` for a chain."""
+        if isinstance(model, Model):
+            raise UserError(
+                f"effect '{self.config.kind}' is of a user's own model, not of a chain of modules"
+            )
+        return self.act(model)
+
+    @abstractmethod
+    def act(self, parts: SystemParts) -> SystemParts:
+        """Return the parts with this effect, at the parameter values of the config."""

@@ -1,0 +1,1 @@
+"""The evidence loop for MuJoCo models: `model: {kind: mjcf, file: robot.xml}`."""

@@ -1,0 +1,36 @@
+"""What effects change of a MuJoCo model: its specification before it is compiled, or forces with memory at each step."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from pliant.records.design import Array
+
+
+class SpecChange(ABC):
+    """A change of the model that MuJoCo itself simulates: a number or an element of the specification."""
+
+    @abstractmethod
+    def edit(self, spec: Any) -> None:
+        """Change an `mujoco.MjSpec` in place."""
+
+
+class StateForce(ABC):
+    """A generalised force that MuJoCo's models lack, computed before every step for all runs at once.
+
+    It keeps no state of its own: `start` returns it, and `advance` returns the next one.
+    """
+
+    @abstractmethod
+    def start(self, model: Any, q: Array, v: Array) -> Any:
+        """Return the state at the beginning of the runs.
+
+        Args:
+            model: the compiled `mujoco.MjModel`.
+            q, v: (r, nq) and (r, nv) positions and velocities of each run.
+        """
+
+    @abstractmethod
+    def advance(self, model: Any, state: Any, q: Array, v: Array, step_s: float) -> tuple[Array, Any]:
+        """Return (r, nv) the force during the next step, and the state after it."""

@@ -1,0 +1,102 @@
+"""Effects of inputs and outputs of any system: a map of each chosen channel.
+
+An effect gives `transform(values, time_s, scale)` → (t,) for one channel; `scale` is the channel's largest magnitude in
+the measured runs.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.effect import EffectConfig, Readings
+from pliant.interfaces.model import SystemEffect, SystemParts
+from pliant.records.design import Array
+from pliant.records.history import History
+
+# (values (t,), time_s (t,)) → (t,)
+Transform = Callable[[Array, Array], Array]
+
+
+class SignalEffect(SystemEffect):
+    """An effect that maps each chosen channel by itself."""
+
+    config: EffectConfig
+
+    @abstractmethod
+    def transform(self, values: Array, time_s: Array, scale: float) -> Array:
+        """Return (t,) the channel with the effect.
+
+        Args:
+            values: (t,) of the channel, SI.
+            time_s: (t,) the clock.
+            scale: largest magnitude of the channel in the measured runs, SI.
+        """
+
+    def _transforms(self, parts: SystemParts, names: tuple[str, ...]) -> dict[str, Transform]:
+        return {name: partial(_scaled, self, parts.scales.get(name, 1.0)) for name in self.chosen(names)}
+
+
+class InputEffect(SignalEffect):
+    """An effect between the command and the system."""
+
+    place = "input"
+
+    def act(self, parts: SystemParts) -> SystemParts:
+        """Return the parts with one more map of the inputs."""
+        return parts.with_input(partial(_driven, self._transforms(parts, parts.names[0])))
+
+
+class OutputEffect(SignalEffect):
+    """An effect between the system and its reading."""
+
+    place = "output"
+
+    def act(self, parts: SystemParts) -> SystemParts:
+        """Return the parts with one more map of the readings."""
+        return parts.with_output(partial(_read, self._transforms(parts, parts.names[1])))
+
+
+def _scaled(effect: SignalEffect, scale: float, values: Array, time_s: Array) -> Array:
+    return effect.transform(values, time_s, scale)
+
+
+def _driven(transforms: Mapping[str, Transform], history: History) -> History:
+    assert history.time_s is not None
+    changed = {
+        name: transform(history.actuation[name], history.time_s)
+        for name, transform in transforms.items()
+        if name in history.actuation
+    }
+    return history.with_actuation(**changed)
+
+
+def _read(transforms: Mapping[str, Transform], readings: Readings) -> dict[str, Any]:
+    time_s = np.asarray(readings["time_s"], float)
+    return {
+        **readings,
+        **{
+            name: transform(np.asarray(readings[name], float), time_s)
+            for name, transform in transforms.items()
+            if name in readings
+        },
+    }
+
+
+def delayed(values: Array, time_s: Array, delay_s: float) -> Array:
+    """Return (t,) the values `delay_s` later; the first value before."""
+    return np.asarray(np.interp(time_s - delay_s, time_s, values), float)
+
+
+def played(values: Array, half_width: float) -> Array:
+    """Return (t,) the output of a play of this half-width, which starts in its middle."""
+    found = np.empty_like(values)
+    state = float(values[0])
+    for k, value in enumerate(values.tolist()):
+        state = min(max(state, value - half_width), value + half_width)
+        found[k] = state
+    return found
