@@ -1,4 +1,4 @@
-"""What effects change of a MuJoCo model: its specification before it is compiled, or forces with memory at each step."""
+"""What effects change of a MuJoCo model: its numbers, its specification, or forces with memory at each step."""
 
 from __future__ import annotations
 
@@ -8,8 +8,24 @@ from typing import Any
 from pliant.records.design import Array
 
 
+class ModelChange(ABC):
+    """A change of numbers of the compiled model: damping, masses, gravity; the usual and the fast way."""
+
+    @abstractmethod
+    def change(self, model: Any) -> None:
+        """Change a copy of the compiled `mujoco.MjModel` in place; `mj_setConst` is called afterwards."""
+
+    def edit(self, spec: Any) -> None:
+        """Make the same change in an `mujoco.MjSpec`, for the improved model as a file.
+
+        Raises:
+            NotImplementedError: MJCF cannot say it.
+        """
+        raise NotImplementedError
+
+
 class SpecChange(ABC):
-    """A change of the model that MuJoCo itself simulates: a number or an element of the specification."""
+    """A change of the model's elements, after which it is compiled again."""
 
     @abstractmethod
     def edit(self, spec: Any) -> None:
