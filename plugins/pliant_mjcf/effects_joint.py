@@ -24,7 +24,7 @@ from pliant.interfaces.model import SystemParts, effect_kind
 from pliant.records.design import Array
 from pliant.units import Angle, AngularDamping, Moment
 from pliant_mjcf.effect_bases import EffectChange, JointMemory, ModelEffect
-from pliant_mjcf.elements import Joints, set_linear, with_id
+from pliant_mjcf.elements import Joints, added, set_linear, with_id
 from pliant_plugins.effects.factors import STILL_RAD_S, TYPICAL_RAD_S
 from pliant_plugins.effects.stiffness import Stiffness
 from pliant_plugins.effects.viscous_damping import ViscousDamping
@@ -62,7 +62,7 @@ class JointStiffness(ModelEffect):
 
     def change(self, model: Any) -> None:
         for k in self.numbers(model):
-            model.jnt_stiffness[k] = _added(model.jnt_stiffness[k], self.config.stiffness_n_m_per_rad)
+            model.jnt_stiffness[k] = added(model.jnt_stiffness[k], self.config.stiffness_n_m_per_rad)
 
     def write(self, spec: Any, model: Any) -> None:
         for k in self.numbers(model):
@@ -101,7 +101,9 @@ class RestAngle(ModelEffect):
         higher = getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1)))
         found = [k for k in super().numbers(model) if model.jnt_stiffness[k] or np.any(higher[k])]
         if not found:
-            raise ImpossibleEffectError(f"effect '{self.config.kind}' shifts springs, and no joint of it has one")
+            raise ImpossibleEffectError(
+                f"effect '{self.config.kind}' shifts springs, and no joint of it has one"
+            )
         return found
 
     def change(self, model: Any) -> None:
@@ -148,7 +150,7 @@ class JointDamping(JointMemory):
 
     def change(self, model: Any) -> None:
         for dof in model.jnt_dofadr[self.numbers(model)]:
-            model.dof_damping[dof] = _added(model.dof_damping[dof], self.config.damping_n_m_s)
+            model.dof_damping[dof] = added(model.dof_damping[dof], self.config.damping_n_m_s)
 
     def write(self, spec: Any, model: Any) -> None:
         for k in self.numbers(model):
@@ -163,7 +165,9 @@ class JointDamping(JointMemory):
     def advance(self, joints: Joints, state: Any, q: Array, v: Array, step_s: float) -> tuple[Array, Any]:
         """Return the moments; no more is taken away than the model's damping has."""
         size = np.sqrt(v * v + STILL_RAD_S * STILL_RAD_S) / TYPICAL_RAD_S
-        secant = np.maximum(self.config.damping_n_m_s * size ** (self.config.rate_power - 1.0), -joints.damping)
+        secant = np.maximum(
+            self.config.damping_n_m_s * size ** (self.config.rate_power - 1.0), -joints.damping
+        )
         return -secant * v / (1.0 + np.maximum(secant, 0.0) * step_s / joints.inertia), state
 
 
@@ -202,7 +206,7 @@ class CoulombFriction(ModelEffect):
 def add_friction(model: Any, joints: list[int], moment: float) -> None:
     """Add to the friction loss of joints, down to none."""
     for dof in model.jnt_dofadr[joints]:
-        model.dof_frictionloss[dof] = _added(model.dof_frictionloss[dof], moment)
+        model.dof_frictionloss[dof] = added(model.dof_frictionloss[dof], moment)
 
 
 def write_friction(spec: Any, model: Any, joints: list[int]) -> None:
@@ -217,8 +221,3 @@ def fix_spring(joint: Any, model: Any) -> None:
         set_linear(joint, "stiffness", model.jnt_stiffness[joint.id])
         set_linear(joint, "damping", model.dof_damping[model.jnt_dofadr[joint.id]])
         joint.springdamper = np.zeros(2)
-
-
-def _added(now: float, more: float) -> float:
-    """Return the sum, not below zero, nor below a number that was negative before."""
-    return float(max(now + more, min(now, 0.0)))

@@ -27,7 +27,7 @@ from pliant.interfaces.model import SystemParts, effect_kind
 from pliant.records.design import Array
 from pliant.units import Angle, Moment, Time
 from pliant_mjcf.effect_bases import EffectChange, JointForce, JointMemory
-from pliant_mjcf.effects_joint import WHERE, add_friction, write_friction
+from pliant_mjcf.effects_joint import WHERE, add_friction
 from pliant_mjcf.elements import Joints
 from pliant_plugins.effects.friction_hysteresis import FrictionHysteresis
 from pliant_plugins.effects.viscoelastic import Viscoelastic
@@ -74,10 +74,6 @@ class StribeckFriction(JointForce):
 
     def change(self, model: Any) -> None:
         add_friction(model, self.numbers(model), self.config.moment_n_m)
-
-    def write(self, spec: Any, model: Any) -> None:
-        """Write the friction at rest, which MJCF can say; that it falls with the speed it cannot."""
-        write_friction(spec, model, self.numbers(model))
 
     def force(self, q: Array, v: Array) -> Array:
         lost = -np.expm1(-((v / self.config.speed_rad_s) ** 2))

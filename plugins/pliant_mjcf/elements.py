@@ -73,3 +73,8 @@ def set_linear(element: Any, name: str, value: float) -> None:
         setattr(element, name, now)
     else:
         setattr(element, name, float(value))
+
+
+def added(now: float, more: float) -> float:
+    """Return the sum, not below zero, nor below a number that was negative before."""
+    return float(max(now + more, min(now, 0.0)))

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
+from pliant_mjcf.effects_manifest import effect_components
 
 CONTRACT = 3
 
@@ -13,4 +14,4 @@ CONTRACT = 3
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """Return the components."""
-    return []
+    return [*effect_components()]
