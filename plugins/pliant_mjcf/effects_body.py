@@ -67,7 +67,7 @@ class MovedMass(BodyEffect):
 
 @dataclass(frozen=True)
 class GeneralBodies(SpecChange):
-    """Bodies with a full mass matrix: MuJoCo gives free ones that are symmetric a diagonal one when it compiles them."""
+    """Bodies with a full mass matrix: MuJoCo compiles that of symmetric ones without children as a diagonal one."""
 
     pattern: str
 

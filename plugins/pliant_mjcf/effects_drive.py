@@ -1,8 +1,8 @@
 """Play and slack between a position drive and what it moves.
 
 A position drive of MuJoCo gives the force f = k (L* − L) − d dL/dt, with its length L (gear ratio times angle, or the
-tendon's length) and the length L* that its control asks for. Behind a play of half-width w, or a slack s of a tendon that
-is pulled shorter, the same drive gives
+tendon's length) and the length L* that its control asks for. Behind a play of half-width w, or a slack s of a tendon
+that is pulled shorter, the same drive gives
 
     joint_play      f = k dz(L* − L) − d dL/dt,      dz(e) = e − clip(e, −w, w)
     tendon_slack    f = k dz(L* − L) − d dL/dt,      dz(e) = e − clip(e, −s, 0)

@@ -87,7 +87,7 @@ class GravityDirection(GravityEffect):
     config: GravityDirectionConfig
     notes = EffectNotes(
         signature="all bodies rest as if they leaned to one side, and readings of positions agree with their angles.",
-        inspection="put a level on the table.",
+        inspection="put a level on the table in two directions, and correct the gravity of the model.",
         confounder="base_misalignment",
         distinguishing_test="read a position with a camera that is level: a tilted base turns it, tilted gravity "
         "alone does not.",
@@ -121,8 +121,8 @@ class WorldMisalignment(ModelEffect):
     config: WorldMisalignmentConfig
     notes = replace(
         BaseMisalignment.notes,
-        signature="all positions are turned about the origin by one angle, at rest too; angles are off as far as gravity "
-        "moves the bodies.",
+        signature="all positions are turned about the origin by one angle, at rest too; angles are off as far as "
+        "gravity moves the bodies.",
         inspection="put a level on the base and hang a plumb line beside it; shim it, or turn the first body.",
         confounder="gravity_direction",
         distinguishing_test="positions and angles together: tilted gravity alone leaves them in agreement.",
