@@ -41,8 +41,8 @@ class BodyEffect(ModelEffect):
         import mujoco
 
         numbers = self.numbers(model)
-        always = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-        if spec.compiler.inertiafromgeom == always or spec.compiler.settotalmass > 0.0:
+        always = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+        if int(spec.compiler.inertiafromgeom) == always or spec.compiler.settotalmass > 0.0:
             spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
             spec.compiler.settotalmass = -1.0
             numbers = list(range(1, model.nbody))

@@ -49,7 +49,7 @@ class DriveEffect(MjcfEffect):
         import mujoco
 
         chosen = set(self.numbers(model))
-        kinds = [getattr(mujoco.mjtTrn, name) for name in self.transmissions]
+        kinds = [int(getattr(mujoco.mjtTrn, name)) for name in self.transmissions]
         found = [
             k
             for k in range(len(model.actuator_trntype))
@@ -70,9 +70,9 @@ def is_position_drive(model: Any, actuator: int) -> bool:
     import mujoco
 
     return bool(
-        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
-        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
+        model.actuator_gaintype[actuator] == int(mujoco.mjtGain.mjGAIN_FIXED)
+        and model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        and model.actuator_dyntype[actuator] == int(mujoco.mjtDyn.mjDYN_NONE)
         and model.actuator_gainprm[actuator, 0] != 0.0
         and model.actuator_biasprm[actuator, 1] < 0.0
         and model.actuator_gear[actuator, 0] != 0.0
@@ -116,7 +116,7 @@ def element_positions(model: Any, data: Any, drives: list[int], q: Array) -> Arr
     import mujoco
 
     element = model.actuator_trnid[drives, 0]
-    if np.all(model.actuator_trntype[drives] != mujoco.mjtTrn.mjTRN_TENDON):
+    if np.all(model.actuator_trntype[drives] != int(mujoco.mjtTrn.mjTRN_TENDON)):
         return np.asarray(q[:, model.jnt_qposadr[element]])
     found = np.empty((len(q), len(drives)))
     for k, position in enumerate(q):

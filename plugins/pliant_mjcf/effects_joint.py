@@ -6,7 +6,8 @@
     coulomb_friction    |M| ≤ M_c               frictionloss M_c' = max(M_c + M, 0)
 
 for each chosen hinge, and for slides with forces in place of moments (MuJoCo documentation, Computation: passive forces
-and friction loss). A model may have too much of each: strengths may be negative, down to what it has. A damping that
+and friction loss). A joint held by friction loss creeps at (M/I) (1 − d) T/2, with impedance d and time constant T of
+its solimp_friction and solref_friction. A model may have too much of each: strengths may be negative, down to what it has. A damping that
 thins or thickens with the rate is M = −c ω̂ sign(v) (|v|/ω̂)^n, ω̂ = 0.1 rad/s (Ostwald & de Waele), as the force at the
 end of the step: −g v / (1 + g Δt / I) with the secant g = M/v and the joint's inertia I, which is stable in any step.
 """
@@ -114,7 +115,7 @@ class RestAngle(ModelEffect):
 
         for k in self.numbers(model):
             joint = with_id(spec.joints, k)
-            degrees = spec.compiler.degree and model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE
+            degrees = spec.compiler.degree and model.jnt_type[k] == int(mujoco.mjtJoint.mjJNT_HINGE)
             rest = float(model.qpos_spring[model.jnt_qposadr[k]])
             joint.springref = np.degrees(rest) if degrees else rest
 

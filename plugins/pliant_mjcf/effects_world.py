@@ -136,7 +136,7 @@ class WorldMisalignment(ModelEffect):
         import mujoco
 
         super().numbers(model)
-        free = {int(b) for b in model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]}
+        free = {int(b) for b in model.jnt_bodyid[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]}
         found = [
             k
             for k in range(1, model.nbody)

@@ -27,7 +27,7 @@ def elements(model: Any, place: str) -> dict[str, int]:
     kinds = {"joint": mujoco.mjtObj.mjOBJ_JOINT, "tendon": mujoco.mjtObj.mjOBJ_TENDON}
     kind = kinds.get(place, mujoco.mjtObj.mjOBJ_BODY)
     if place == "joint":
-        single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+        single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
         numbers = [k for k in range(model.njnt) if model.jnt_type[k] in single]
     elif place == "tendon":
         numbers = list(range(model.ntendon))
