@@ -162,8 +162,10 @@ class WorldMisalignment(ModelEffect):
         """Write the poses; a body inside a frame leaves it, for its compiled pose includes that of the frame."""
         import mujoco
 
-        for k in self.numbers(model):
-            body = with_id(spec.bodies, k)
+        bodies = {
+            k: with_id(spec.bodies, k) for k in self.numbers(model)
+        }  # a new frame takes the numbers away
+        for k, body in bodies.items():
             if body.frame is not None:
                 body.set_frame(spec.worldbody.add_frame())
             body.pos, body.quat = model.body_pos[k].copy(), model.body_quat[k].copy()

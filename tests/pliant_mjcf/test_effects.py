@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from tests.pliant_mjcf.stepping import (  # noqa: E402
+from tests.pliant_mjcf.stepping import (
     REGISTRY,
     changes,
     compiled,
@@ -20,8 +20,8 @@ from tests.pliant_mjcf.stepping import (  # noqa: E402
     rotor,
 )
 
-from pliant.errors import UserError  # noqa: E402
-from pliant_mjcf.effects_manifest import effect_components  # noqa: E402
+from pliant.errors import UserError
+from pliant_mjcf.effects_manifest import effect_components
 
 INERTIA = 0.01
 SERVO = '<actuator><position name="servo" joint="hinge" kp="4" kv="0.4"/></actuator>'

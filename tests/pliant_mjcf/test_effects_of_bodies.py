@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from tests.pliant_mjcf.stepping import changes, compiled, effect, exported, moved, pendula, rotor  # noqa: E402
-from tests.pliant_mjcf.test_effects import crossings  # noqa: E402
+from tests.pliant_mjcf.stepping import changes, compiled, effect, exported, moved, pendula, rotor
+from tests.pliant_mjcf.test_effects import crossings
 
-from pliant.errors import UserError  # noqa: E402
-from pliant.mechanics.rotations import exp_map  # noqa: E402
+from pliant.errors import UserError
+from pliant.mechanics.rotations import exp_map
 
 # m l² + J about the hinge, of the pendulum in `stepping`.
 ABOUT_HINGE = 1.0 * 0.5**2 + 0.01
@@ -50,13 +50,14 @@ def test_a_payload_changes_the_period_by_its_own_arm(site: str, arm: float) -> N
 
 def test_a_payload_is_the_body_that_mujoco_makes_of_two_geoms() -> None:
     parts = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint/><site name="far" pos="0.3 -0.2 0.1"/>
-    <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0.05" euler="10 20 30" mass="2"/>{more}</body></worldbody></mujoco>"""
-    point = '<geom size="0.00001" pos="0.3 -0.2 0.1" mass="0.7"/>'
+    <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0.05" euler="10 20 30" mass="2"/>{more}</body>
+</worldbody></mujoco>"""
+    point = '<geom size="0.001" pos="0.3 -0.2 0.1" mass="0.7"/>'
     both = compiled(parts.format(more=point))
     one = compiled(parts.format(more=""), effect("payload", mass_kg=0.7, site="far"))
     for name in ("body_mass", "body_ipos", "body_inertia", "dof_M0"):
         there, here = getattr(both, name), getattr(one, name)
-        assert np.allclose(np.sort(there, axis=-1), np.sort(here, axis=-1), rtol=1e-5, atol=1e-12), name
+        assert np.allclose(np.sort(there, axis=-1), np.sort(here, axis=-1), rtol=1e-4, atol=1e-12), name
 
 
 def test_payloads_need_their_site() -> None:
@@ -73,9 +74,9 @@ def test_a_centre_of_mass_aside_hangs_at_its_angle() -> None:
 
 def test_a_free_symmetric_body_gets_another_centre_of_mass() -> None:
     """MuJoCo compiles it with a diagonal mass matrix, which then is no longer right."""
-    mjcf = "<mujoco><worldbody><body><freejoint/><geom size='0.1' mass='1'/></body></worldbody></mujoco>"
+    mjcf = rotor().replace('<joint name="hinge" axis="0 1 0" />', "<freejoint/>")
     model = compiled(mjcf, effect("centre_of_mass", x_m=0.05))
-    assert model.dof_M0[5] == pytest.approx(0.4 * 0.01 + 0.05**2, rel=1e-6)
+    assert model.dof_M0[5] == pytest.approx(0.01 + 0.05**2, rel=1e-6)
     turning = moved(mjcf, effect("centre_of_mass", x_m=0.05), q=[[0.0, 0.0, 1.0, 1.0]], v=[[0.0] * 5 + [2.0]])
     centre = turning.q[:, 0, :2] + 0.05 * np.array(
         [[np.cos(2 * t), np.sin(2 * t)] for t in np.arange(1000) * 1e-3]
@@ -111,7 +112,8 @@ def test_a_turned_base_is_gravity_and_the_frame_turned_back() -> None:
 
 FLOOR = """<mujoco><option timestep="0.001" gravity="3 0 -9.81" cone="elliptic"/><worldbody>
 <geom name="floor" type="plane" size="9 9 9" friction="{floor} 0.005 0.0001"/>
-<body name="box" pos="0 0 0.0999"><freejoint/><geom type="box" size="0.2 0.2 0.1" mass="1" friction="{box} 0.005 0.0001"/>
+<body name="box" pos="0 0 0.0999"><freejoint/>
+<geom type="box" size="0.2 0.2 0.1" mass="1" friction="{box} 0.005 0.0001"/>
 </body></worldbody></mujoco>"""
 
 
@@ -148,7 +150,8 @@ def test_what_a_model_does_not_have_is_refused(kind: str, mjcf: str, words: str)
 
 
 ROBOT = """<mujoco><compiler angle="degree" {compiler}/><worldbody>
-<geom name="floor" type="plane" size="1 1 1" friction="0.6 0.005 0.0001"/><frame pos="0 0 1" euler="0 0 30"><site name="mark"/>
+<geom name="floor" type="plane" size="1 1 1" friction="0.6 0.005 0.0001"/>
+<frame pos="0 0 1" euler="0 0 30"><site name="mark"/>
 <body name="a" euler="0 10 0"><joint axis="0 1 0"/><geom size="0.1 0.2" type="capsule" pos="0.2 0 0" euler="0 30 0"/>
 <body name="b" pos="0.5 0 0"><joint axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" fullinertia="2 2 2 0.1 0.2 0.3"/>
 <geom size="0.1"/></body></body></frame><body name="c" pos="1 0 0.3" axisangle="1 0 0 20"><joint axis="1 0 0"/>
