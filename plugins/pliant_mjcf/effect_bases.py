@@ -32,6 +32,12 @@ class MjcfEffect(SystemEffect):
 
     models = ("mjcf",)
 
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self.config == getattr(other, "config", None)
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.config))
+
     def numbers(self, model: Any) -> list[int]:
         """Return the numbers of the chosen elements; raise `UserError` without any."""
         known = elements(model, self.place)

@@ -227,9 +227,9 @@ def add_point(model: Any, body: int, mass_kg: float, point: Array) -> None:
     import mujoco
 
     mass, centre = float(model.body_mass[body]), model.body_ipos[body].copy()
-    axes, quat = np.empty(9), np.empty(4)
-    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-    axes = axes.reshape(3, 3)
+    nine, quat = np.empty(9), np.empty(4)
+    mujoco.mju_quat2Mat(nine, model.body_iquat[body])
+    axes = nine.reshape(3, 3)
     inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
     both = mass + mass_kg
     if both == 0.0:
