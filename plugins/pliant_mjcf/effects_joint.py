@@ -9,8 +9,8 @@ for each chosen hinge, and for slides with forces in place of moments (MuJoCo do
 and friction loss). A model may have too much of each: strengths may be negative, down to what it has. A joint held by
 friction loss creeps: at (M/I) (1 − d)/d d_max T/2, 1 ms M/I with MuJoCo's impedances d and time constant T by default.
 A damping that thins or thickens with the rate is M = −c ω̂ sign(v) (|v|/ω̂)^n, ω̂ = 0.1 rad/s (Ostwald & de Waele), as
-the force at the end of the step: −g v / (1 + g Δt / I) with the secant g = M/v and the joint's inertia I, which is
-stable in any step.
+the force at the end of the step: −g v / (1 + g Δt / I) with the secant g = M/v and the inertia I of `elements.Joints`,
+which is stable in any step.
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from pliant_plugins.effects.stiffness import Stiffness
 from pliant_plugins.effects.viscous_damping import ViscousDamping
 
 WHERE = "hinges and slides of MuJoCo models, all or those that a pattern names."
-BY_HAND = "switch the drive off, move the joint by hand or by a weight, and compare with the model."
 
 
 class JointStiffnessConfig(EffectConfig):

@@ -12,7 +12,8 @@ Eng. 2, 1970):
 
     h' = e^(−Δt/T) h + (1 − e^(−Δt/T)) T/Δt Δq
 
-Runs begin with relaxed springs. A spring is no stiffer than a step resolves, k ≤ I / Δt² with the joint's inertia I.
+Runs begin with relaxed springs. A spring is no stiffer than a step resolves, k ≤ I / Δt² with the inertia I of
+`elements.Joints`: a shorter break-away is then M_y / k.
 """
 
 from __future__ import annotations
@@ -120,9 +121,9 @@ class JointHysteresis(JointMemory):
     def advance(self, joints: Joints, state: Any, q: Array, v: Array, step_s: float) -> tuple[Array, Any]:
         """Return the moments of the springs, and their next states."""
         before, stretch = state
-        most = self.config.break_away_rad
+        stiffness = np.minimum(self.config.yield_n_m / self.config.break_away_rad, joints.inertia / step_s**2)
+        most = self.config.yield_n_m / stiffness
         stretch = np.clip(stretch + (q - before), -most, most)
-        stiffness = np.minimum(self.config.yield_n_m / most, joints.inertia / step_s**2)
         return -stiffness * stretch, (q.copy(), stretch)
 
 

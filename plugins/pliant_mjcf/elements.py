@@ -42,7 +42,9 @@ class Joints:
 
     Attributes:
         qpos, dofs: (n,) addresses of their positions and velocities.
-        inertia: (n,) inertia that each one feels at the model's reference position while the others are free, SI.
+        inertia: (n,) 1 / (n (M⁻¹)_ii) with the mass matrix M at the reference position, SI: forces c_i v_i with
+            c_i ≤ inertia_i / Δt at all of them together are stable over a step Δt, for the largest eigenvalue of
+            M⁻¹ scaled to ones on its diagonal is at most n.
         damping: (n,) damping of the model, SI.
     """
 
@@ -56,7 +58,9 @@ class Joints:
         """Return the joints of these numbers."""
         dofs = model.jnt_dofadr[numbers]
         light = np.maximum(model.dof_invweight0[dofs], 1e-12)
-        return cls(model.jnt_qposadr[numbers], dofs, 1.0 / light, model.dof_damping[dofs].copy())
+        return cls(
+            model.jnt_qposadr[numbers], dofs, 1.0 / (light * len(numbers)), model.dof_damping[dofs].copy()
+        )
 
 
 def with_id(listed: Any, number: int) -> Any:

@@ -140,6 +140,22 @@ def test_the_loop_of_hysteresis_has_the_area_of_an_elastoplastic_element() -> No
         assert np.abs(run.force).max() == pytest.approx(moment, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("friction_hysteresis", {"yield_n_m": 50.0, "break_away_rad": 1e-5}),
+        ("viscoelastic", {"stiffness_n_m_per_rad": 1e6, "time_s": 0.01}),
+        ("viscous_damping", {"damping_n_m_s": 1e4, "rate_power": 1.4}),
+    ],
+)
+def test_forces_far_too_stiff_for_the_step_stay_bounded(kind: str, values: dict[str, float]) -> None:
+    """Four links in a row, whose inertias are strongly coupled."""
+    link = '<body pos="0 0 -0.2"><joint axis="0 1 0"/><geom size="0.02" mass="0.1" pos="0 0 -0.1"/>'
+    mjcf = f"<mujoco><worldbody>{4 * link}{4 * '</body>'}</worldbody></mujoco>"
+    run = moved(mjcf, effect(kind, **values), q=[[0.5, -0.3, 0.2, 0.4]], v=[[1.0, -2.0, 3.0, 1.0]])
+    assert np.abs(run.v).max() < 10.0 and np.abs(run.q).max() < 1.5
+
+
 def test_a_relaxing_branch_forgets_a_step_within_its_time() -> None:
     branch = effect("viscoelastic", stiffness_n_m_per_rad=2.0, time_s=0.3)
     run = moved(rotor(), branch, seconds=1.0, prescribed=lambda t: 0.1 if t > 0.0005 else 0.0)
