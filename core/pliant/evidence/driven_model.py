@@ -25,13 +25,15 @@ from pliant.evidence.measured_model import (
     differences,
     failed_samples,
 )
-from pliant.interfaces.effect import Effect, EffectConfig
+from pliant.interfaces.effect import AT, Effect, EffectConfig
 from pliant.interfaces.model import Channel, Drive, SystemModel, SystemParts
 from pliant.measurements.system_reading import largest_magnitudes
 from pliant.pipeline.workbench import RunContext
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
+# Effects of a kind with more places are tried at all of them alike only.
+MOST_PLACES = 40
 # Steps of a difference, as multiples of the step that the fit asks for.
 FACTORS = (1.0, 10.0, 100.0)
 
@@ -106,6 +108,16 @@ class DrivenModel(MeasuredModel):
     def default_kinds(self, kinds: Sequence[str]) -> list[str]:
         """Return the kinds that the system proposes."""
         return self.system.default_kinds(kinds)
+
+    def places_of_kind(self, kind: str) -> list[str]:
+        """Return ``kind@name`` for each place where the effect can act, if there are several."""
+        place = self.context.registry.get("effect", kind).implementation_class().place
+        names = self.attachments.get(place, ())
+        return (
+            [f"{kind}{AT}{name}" for name in names]
+            if AT not in kind and 1 < len(names) <= MOST_PLACES
+            else []
+        )
 
     def unsuited(self, effect: Effect) -> str:
         """Return the error of an effect that cannot act on this system; "" without one."""

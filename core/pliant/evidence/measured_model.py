@@ -108,6 +108,10 @@ class MeasuredModel(ABC):
         """Return the kinds of effects that a diagnosis tries, among all kinds for this kind of model."""
         return list(kinds)
 
+    def places_of_kind(self, kind: str) -> list[str]:
+        """Return the kinds of effects that act at one of several places of a kind each; empty for a single place."""
+        return []
+
     @property
     def is_conditioned(self) -> bool:
         """Return whether a specimen is cycled before a planned run, because it remembers its first load."""
