@@ -167,9 +167,19 @@ class Study(FrozenModel):
     def need(self, key: str, what: str) -> Any:
         """Return the block `key`; raises `UserError` that names the command that needs it."""
         block = self.block(key)
+        if block is None and key in OF_CHAINS:
+            self.check_is_chain(what)
         if block is None:
             raise UserError(f"study '{self.name}' has no '{key}' block; {what} needs one.")
         return block
+
+    def check_is_chain(self, what: str) -> None:
+        """Raise `UserError` if the study has a model of its own, for work that needs a chain of modules."""
+        if self.model is not None:
+            raise UserError(
+                f"study '{self.name}' has a model of its own, and {what} needs a chain of modules; 'compare', "
+                "'diagnose', 'plan', 'extend' and 'improve' take it."
+            )
 
     def resolve_workers(self, asked: Any, otherwise: int | None = None) -> Any:
         """Return the requested workers, else those of `workers`, else `otherwise`; None: a process for each CPU."""

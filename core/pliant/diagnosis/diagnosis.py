@@ -42,6 +42,7 @@ from pliant.diagnosis.learned_words import offer
 from pliant.diagnosis.left_out import condition_indices, heldout_residual
 from pliant.diagnosis.next_run import Belief, NextRun, catalogue_view, run_that_excites, what_next
 from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
+from pliant.diagnosis.places import kinds_at_places
 from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector, readings_over_floor
 from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
@@ -54,7 +55,7 @@ from pliant.evidence.covariates import covariates
 from pliant.evidence.error_bins import run_residuals
 from pliant.evidence.importance import importance
 from pliant.evidence.measured_model import MeasuredModel
-from pliant.execution.executors import Workers, executor_for, own_threads
+from pliant.execution.executors import Executor, Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, percent, whole_percent
 from pliant.measurements.floors import floor_remarks
@@ -208,7 +209,11 @@ def diagnose(
             registry, measurement, readings, fitter, thresholds, shown, executor=executor
         )
         search.tick = tick or search.tick
+        search.fit_singles(chosen)
+        at_places, search.shown = _with_places(search, predictor, executor)
+        chosen += at_places
         table = search.run(chosen)
+        shown = search.shown
     unexcited = not_excited(shown, thresholds)
     not_tried: list[str] = [
         Remark(f"'{kind}' was left out: {reason}", Rank.DETAIL, kind) for kind, reason in left_out.items()
@@ -272,6 +277,14 @@ def diagnose(
         law_alone=bare,
         bookkeeping=mistakes,
     )
+
+
+def _with_places(
+    search: HypothesisSearch, predictor: MeasuredModel, executor: Executor
+) -> tuple[list[str], dict[str, Excitation]]:
+    """Return further kinds at single places, and the excitations of all kinds."""
+    kinds, shown = kinds_at_places(search, predictor, executor)
+    return kinds, {**search.shown, **shown}
 
 
 def _learned(predictor: MeasuredModel, readings: ReadingVector, table: EvidenceTable) -> LearnedTerm | None:

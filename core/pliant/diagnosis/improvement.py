@@ -64,6 +64,8 @@ from pliant.registry.residual_model import require_residual_model
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on left-out training runs by this share.
 LEAST_GAIN = 0.01
+# It may raise the error of no output by more than this share.
+MOST_RISE = 0.02
 # Placeholder in the reason of a step for its fall of the error, which is filled in when all steps have one floor.
 FALL = "{fall}"
 # Closing sentences: if the remaining error is small, if it is clearly above the noise, and if the noise is unknown.
@@ -248,6 +250,8 @@ class _Walk:
             return False
         effects = (*self.effects, term.effect)
         residuals = self._residuals(effects)
+        if _worsened(self.ground.residuals(self.effects), self.ground.residuals(effects)):
+            return False
         size = f"{off.words}, {percent(off.size)} of its torque range"
         if self.law_is_off:
             lead = f"The law itself is off {size}"
@@ -317,6 +321,7 @@ class _Walk:
         )
         gain = prediction_gain(before, after)
         no_worse = unseen.sum() < (1.0 + LEAST_GAIN) ** 2 * before.sum()
+        no_worse = no_worse and not _worsened(self.drafts[-1].left_out, whole.left_out_runs)
         return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
 
     def _take(self, kind: str, proposal: StepProposal, extension: Extension | None) -> None:
@@ -446,6 +451,16 @@ class _Walk:
             found = replace(found, learned=None)  # it is in the model already
         of_verdict = stop != "unknown_effect"  # stated in the closing sentence with the final error
         return " ".join([first, *explanation(found, self.context.registry, of_verdict)])
+
+
+def _worsened(before: Residuals, after: Residuals) -> bool:
+    """Return whether the error of an output rises: a step that explains one output at the cost of another is wrong."""
+    for name in before[0]:
+        old, new = (np.concatenate([run[name] for run in some]) for some in (before, after))
+        there = np.isfinite(old) & np.isfinite(new)
+        if np.sum(new[there] ** 2) > (1.0 + MOST_RISE) ** 2 * np.sum(old[there] ** 2):
+            return True
+    return False
 
 
 def _still_wrong(last: Step, stop: str) -> list[str]:

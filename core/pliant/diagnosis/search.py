@@ -13,7 +13,7 @@ that an effect that has become idle is dropped (Miller, Subset Selection in Regr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -78,7 +78,7 @@ class HypothesisSearch:
     readings: ReadingVector
     fitter: Fitter
     thresholds: EvidenceThresholds
-    shown: Mapping[str, Excitation]
+    shown: dict[str, Excitation]
     tick: Tick = lambda _: None
     executor: Executor = field(default_factory=InlineExecutor)
     fits: dict[Kinds, EffectFit] = field(default_factory=dict)
@@ -92,10 +92,14 @@ class HypothesisSearch:
         self._own: set[Kinds] = set()  # fits with the law's error at their own point
         self.condition = condition_indices(len(self.measurement.runs), repeats)
 
-    def run(self, kinds: Sequence[str]) -> EvidenceTable:
-        """Return the table of all hypotheses fitted among these kinds."""
+    def fit_singles(self, kinds: Sequence[str]) -> None:
+        """Fit the unchanged model, and each of these kinds alone."""
         self._fit([NOTHING])
         self._fit([(kind,) for kind in kinds])
+
+    def run(self, kinds: Sequence[str]) -> EvidenceTable:
+        """Return the table of all hypotheses fitted among these kinds."""
+        self.fit_singles(kinds)
         self._fit_shape_variants([(kind,) for kind in kinds])
         current = self._best([key for key in self.fits if len(key) <= 1])
         if room_above_floor(self.table(), current, self.thresholds):

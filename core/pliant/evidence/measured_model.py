@@ -96,6 +96,10 @@ class MeasuredModel(ABC):
     def for_runs(self, measurement: Measurement) -> Self:
         """Return the same model, driven by other runs. They may have other outputs."""
 
+    def for_planned_runs(self, measurement: Measurement) -> Self:
+        """Return the same model, driven by runs that were not done yet, whose readings are no readings."""
+        return self.for_runs(measurement)
+
     def with_known_states(self) -> tuple[Measurement, tuple[str, ...]]:
         """Return the measurement without readings that depend on unknown states, and sentences about them."""
         return self.measurement, ()
@@ -107,6 +111,10 @@ class MeasuredModel(ABC):
     def default_kinds(self, kinds: Sequence[str]) -> list[str]:
         """Return the kinds of effects that a diagnosis tries, among all kinds for this kind of model."""
         return list(kinds)
+
+    def places_of_kind(self, kind: str) -> list[str]:
+        """Return the kinds of effects that act at one of several places of a kind each; empty for a single place."""
+        return []
 
     @property
     def is_conditioned(self) -> bool:

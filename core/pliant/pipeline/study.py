@@ -172,6 +172,7 @@ def build_study_laws(context: RunContext, study: Study) -> tuple[DesignStages, .
     Raises:
         UserError: among others, a design outside the range of a meta-model.
     """
+    study.check_is_chain("a joint law")
     designs = distinct_designs(study)
     sharing = [design for design in designs if design.shared is not None]
     laws: Iterator[LawStage] = iter(())

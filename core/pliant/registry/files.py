@@ -137,11 +137,7 @@ def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleTyp
             f"{CONTRACT_VERSION}: {CHANGES[2]} (docs/plugin_contract.md)."
         )
     kind = config.model_fields["kind"]
-    words = (
-        (kind.default,)
-        if kind.annotation is str and isinstance(kind.default, str)
-        else get_args(kind.annotation)
-    )
+    words = (kind.default,) if isinstance(kind.default, str) else get_args(kind.annotation)
     if len(words) != 1 or kind.default != words[0]:
         raise UserError(
             f"{_location(config, file)}: {config.__name__} does not say its kind; write "
