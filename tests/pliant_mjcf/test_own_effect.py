@@ -76,6 +76,7 @@ def test_air_drag_in_twenty_lines_decays_hyperbolically(tmp_path: Path) -> None:
     assert [one.name for one in registry.fit_parameters("drag")] == ["drag"]
     assert registry.kinds("effect").count("drag") == 1
     assert "drag" not in registry.for_model("chain").kinds("effect")
+    assert [one.message for one in run_checks(component) if one.status == "failed"] == []
     assert effect_files(registry) == (str(tmp_path / "my_effect.py"),)
     run = moved(rotor(), built(registry, "drag", drag=0.02), v=[[3.0]], seconds=0.5)
     assert 1.0 / run.v[-1, 0, 0] - 1.0 / 3.0 == pytest.approx(0.499 * 0.02 / 0.01, rel=0.01)
