@@ -16,6 +16,7 @@ from pliant.errors import PluginFailureError, UserError
 from pliant.interfaces.model import SystemParts
 from pliant.registry.discovery import Registry
 from pliant.registry.files import effect_files, with_files
+from pliant.testing import run_checks
 
 DRAG = '''\
 """Air that drags at a joint: M = −c |v| v."""
