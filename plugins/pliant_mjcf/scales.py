@@ -184,7 +184,8 @@ def _tendon(model: Any, data: Any, k: int, joints: Array, inertia: Array, limits
     own = [
         a
         for a in range(model.nu)
-        if int(model.actuator_trntype[a]) == int(mujoco.mjtTrn.mjTRN_TENDON) and model.actuator_trnid[a][0] == k
+        if int(model.actuator_trntype[a]) == int(mujoco.mjtTrn.mjTRN_TENDON)
+        and model.actuator_trnid[a][0] == k
     ]
     if not len(moved):
         return np.zeros(4)
