@@ -61,7 +61,7 @@ class MjcfModel(SystemModel):
         model = compile_spec(config.file, spec)
         inputs = driven_inputs(where, config, model)
         outputs, added = read_outputs(where, config, model)
-        check_unique(where, [one.channel for one in (*inputs, *outputs)])
+        check_unique(where, [*(one.channel for one in inputs), *(one.channel for one in outputs)])
         check_initial(where, config.initial, model)
         if added:
             add_sensors(spec, added)

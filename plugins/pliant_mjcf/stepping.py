@@ -188,6 +188,6 @@ class March:
 
     def _note_far(self, begin: int, runs: NDArray[np.intp], positions: Array) -> None:
         """Note runs whose (n, steps, nq) positions leave all bounds; the readings of the next step are wrong."""
-        far = ~(np.abs(positions) < BEYOND).all(axis=2)
+        far = np.asarray(~(np.abs(positions) < BEYOND).all(axis=2))
         for i in np.flatnonzero(far.any(axis=1)):
             self.failed_at[runs[i]] = min(self.failed_at[runs[i]], begin + int(np.argmax(far[i])) + 1)
