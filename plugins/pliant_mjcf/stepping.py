@@ -85,14 +85,18 @@ class March:
         self._batch.state[:] = [course.start for course in self.courses]
         self._remembered: list[Any] = []
         self._drives: list[Any] = []
+        # live arrays of all runs, a row each
+        self._q, self._v = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._ctrl, self._applied = self._batch.bind("ctrl"), self._batch.bind("qfrc_applied")
+        self._warned = self._batch.warning[:, :, WARNINGS]
+        self._before, self._known_warnings, self._doubtful = self._warnings(), 0, False
 
     def pieces(self, fields: Sequence[str]) -> Iterator[Piece]:
         """Yield the steps of all runs piece by piece; runs that end or diverge are left out of later ones."""
         data, steps = mujoco.MjData(self.model), np.array([course.steps for course in self.courses])
         numbers = sum(np.size(getattr(data, name)) for name in fields) + self.model.nu + self.model.nq + 1
         most = max(PIECE_NUMBERS // (numbers * len(self.courses)), 1)
-        q, v = self._batch.qpos, self._batch.qvel
-        self._remembered = [force.start(self.model, q, v) for force in self.forces]
+        self._remembered = [force.start(self.model, self._q, self._v) for force in self.forces]
         self._drives = [change.start(self.model) for change in self.controls]
         begin = 0
         while len(runs := np.flatnonzero((steps > begin) & (self.failed_at == NEVER))):
@@ -130,61 +134,80 @@ class March:
     def _in_lock_step(
         self, begin: int, runs: NDArray[np.intp], control: Array, fields: Sequence[str]
     ) -> Mapping[str, Array]:
-        """Return the records of a piece, with the forces of effects before each step."""
+        """Return the records of a piece, with the forces and changes of controls before each step."""
         n, steps = control.shape[:2]
-        batch, step_s = self._batch, float(self.model.opt.timestep)
-        live = {name: batch.bind(name) for name in fields}
+        live = {name: self._batch.bind(name) for name in fields}
         found = {name: np.full((n, steps, *values.shape[1:]), np.nan) for name, values in live.items()}
         moving, places = runs, np.arange(n)
-        warned = self._warnings()
         for k in range(steps):
-            batch.ctrl[moving] = control[places, k]
-            if self.controls:
-                batch.ctrl[:] = self._changed_controls(step_s)
-            if self.forces:
-                batch.qfrc_applied[:] = self._force(step_s)
-            try:
-                batch.step(moving)
-            except SimulationError as error:
-                self.failed_at[np.asarray(error.ids, int)] = begin + k
+            every = len(moving) == len(self.courses)  # indices cost as much as a step
+            self._step(moving, None if every else moving, control[places, k], begin + k)
             for name, values in live.items():
-                found[name][places, k] = values[moving]
-            now = self._warnings()
-            self.failed_at[(now > warned) & (self.failed_at == NEVER)] = begin + k
-            self._note_far(begin + k, moving, batch.qpos[moving, None])
+                if every:
+                    found[name][:, k] = values
+                else:
+                    found[name][places, k] = values[moving]
+            if self._is_sound():
+                continue
+            self._note_far(begin + k, moving, self._q[moving, None])
             stopped = np.asarray(self.failed_at[moving] != NEVER)
-            if stopped.any():
-                for run in moving[stopped].tolist():
-                    batch.state[run] = self.courses[run].start  # finite, for the forces of the others
-                places = places[~stopped]
-                moving = runs[places]
-                if not len(moving):
-                    break
+            for run in moving[stopped].tolist():
+                self._batch.state[run] = self.courses[run].start  # finite, for the forces of the others
+            places = places[~stopped]
+            moving = runs[places]
+            if not len(moving):
+                break
         return found
+
+    def _step(
+        self, moving: NDArray[np.intp], ids: NDArray[np.intp] | None, control: Array, step: int
+    ) -> None:
+        """Step the moving runs once, and note those that warn."""
+        step_s = float(self.model.opt.timestep)
+        self._ctrl[moving] = control
+        if self.controls:
+            self._ctrl[:] = self._changed_controls(step_s)
+        if self.forces:
+            self._applied[:] = self._force(step_s)
+        try:
+            self._batch.step(ids)
+        except SimulationError as error:
+            self.failed_at[np.asarray(error.ids, int)] = step
+            self._doubtful = True
+        if int(self._warned.sum()) != self._known_warnings:
+            now = self._warnings()
+            self.failed_at[(now > self._before) & (self.failed_at == NEVER)] = step
+            self._before, self._known_warnings = now, int(now.sum())
+            self._doubtful = True
+
+    def _is_sound(self) -> bool:
+        """Return whether no run has diverged in the last step."""
+        doubtful, self._doubtful = self._doubtful, False
+        return not doubtful and float(np.abs(self._q).max(initial=0.0)) < BEYOND
 
     def _force(self, step_s: float) -> Array:
         """Return (r, nv) the sum of the forces, and keep what they remember."""
-        total = np.zeros(self._batch.qvel.shape)
+        total = np.zeros(self._v.shape)
         for k, force in enumerate(self.forces):
             added, self._remembered[k] = force.advance(
-                self.model, self._remembered[k], self._batch.qpos, self._batch.qvel, step_s
+                self.model, self._remembered[k], self._q, self._v, step_s
             )
             total += added
         # a force that is not a number stops its own run only
-        return np.nan_to_num(total, nan=1e300)
+        return total if np.isfinite(total).all() else np.nan_to_num(total, nan=1e300)
 
     def _changed_controls(self, step_s: float) -> Array:
         """Return (r, nu) the controls with the changes of effects, and keep what they remember."""
-        changed = self._batch.ctrl.copy()
+        changed = self._ctrl.copy()
         for k, change in enumerate(self.controls):
             changed, self._drives[k] = change.advance(
-                self.model, self._drives[k], self._batch.qpos, self._batch.qvel, changed, step_s
+                self.model, self._drives[k], self._q, self._v, changed, step_s
             )
         return changed
 
     def _warnings(self) -> NDArray[np.int64]:
         """Return (r,) the number of warnings of each run so far."""
-        return np.asarray(self._batch.warning[:, :, WARNINGS].sum(axis=1))
+        return np.asarray(self._warned.sum(axis=1))
 
     def _note_far(self, begin: int, runs: NDArray[np.intp], positions: Array) -> None:
         """Note runs whose (n, steps, nq) positions leave all bounds; the readings of the next step are wrong."""

@@ -62,9 +62,7 @@ def model_of(folder: Path, text: str, name: str = "robot.xml", **settings: Any) 
     return MjcfModel(MjcfModelConfig(file=file, **settings))
 
 
-def drive(
-    time_s: Any, first: Mapping[str, float] | None = None, run: str = "run", **inputs: Any
-) -> Drive:
+def drive(time_s: Any, first: Mapping[str, float] | None = None, run: str = "run", **inputs: Any) -> Drive:
     return Drive(History.from_arrays(inputs, np.asarray(time_s, float), run=run), dict(first or {}))
 
 

@@ -22,8 +22,8 @@ def record(file: Path, gain: float) -> None:
         data, time = mujoco.MjData(model), np.arange(0.0, 3.0, 0.02)
         torque = np.stack(
             [
-                0.6 * np.sin(2.0 * np.pi * (0.4 + 0.1 * run) * time),
-                0.15 * np.sin(2.0 * np.pi * (0.7 + 0.1 * run) * time),
+                1.4 * np.sin(2.0 * np.pi * (0.4 + 0.1 * run) * time),
+                0.25 * np.sin(2.0 * np.pi * (0.7 + 0.1 * run) * time),
             ],
             axis=1,
         )

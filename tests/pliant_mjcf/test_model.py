@@ -339,7 +339,7 @@ def test_remarks(tmp_path: Path) -> None:
     assert any(one.startswith("Contacts chatter in run 'run'") for one in hard.remarks([push]))
     model = model_of(tmp_path, pendulum())
     (said,) = model.remarks([drive(TIME, {"angle_rad": 0.0}, drive_n_m=STILL + 5.0)])
-    assert said.startswith("Input 'drive_n_m' leaves the range of actuator 'drive', -4 to 4, in run 'run'")
+    assert said.startswith("Input 'drive_n_m' leaves the range of actuator 'drive', −4 to 4, in run 'run'")
     wild = model_of(tmp_path, pendulum(step=0.01, damping=-5.0), "wild.xml")
     (said,) = wild.remarks([drive(TIME, {"angle_rad": 0.5}, drive_n_m=STILL)])
     assert said.startswith("The simulation of run 'run' diverges from ")
