@@ -39,6 +39,15 @@ def mjcf_model(
 
     Raises:
         UserError: the file cannot be read, or does not have what is named.
+
+    >>> pendulum = store / "pendulum.xml"
+    >>> _ = pendulum.write_text(
+    ...     '<mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".05" pos="0 0 -.5"/></body>'
+    ...     '</worldbody><actuator><motor joint="hinge"/></actuator><sensor><jointpos joint="hinge"/></sensor></mujoco>'
+    ... )
+    >>> model = pliant.MjcfModel(pendulum, initial="settled", store=store)
+    >>> model.config.model.kind
+    'mjcf'
     """
     stated = {"inputs": inputs, "outputs": outputs, "initial": initial, "fixed": fixed}
     block = {

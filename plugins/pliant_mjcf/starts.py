@@ -81,7 +81,17 @@ def start_state(
 
 
 def state_of(model: Any, data: Any) -> Array:
-    """Return the state of data as one row."""
+    """Return the state of data as one row; delayed sensors have always read what they read now."""
+    delayed = np.flatnonzero(model.sensor_history[:, 0])
+    if len(delayed):
+        prompt, now = model.__copy__(), mujoco.MjData(model)
+        prompt.sensor_delay[:] = 0.0
+        now.qpos[:], now.qvel[:], now.act[:], now.ctrl[:] = data.qpos, data.qvel, data.act, data.ctrl
+        mujoco.mj_forward(prompt, now)
+    for k in delayed.tolist():
+        values = now.sensordata[model.sensor_adr[k] : model.sensor_adr[k] + model.sensor_dim[k]]
+        past = np.tile(values, (int(model.sensor_history[k][0]), 1))
+        mujoco.mj_initSensorHistory(model, data, k, None, past, 0.0)
     state = np.empty(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, state, STATE)
     return state

@@ -25,7 +25,7 @@ MOTOR = '<motor name="drive" joint="hinge" ctrllimited="true" ctrlrange="-4 4"/>
 # A box on a floor, pushed along it.
 BOX = """<mujoco><option timestep="0.002"/><worldbody>
 <geom name="ground" type="plane" size="5 5 .1" solref="{solref}"/>
-<body name="box" pos="0 0 0.1"><freejoint/><geom type="sphere" size=".1" mass="1" solref="{solref}"/>
+<body name="box" pos="0 0 0.1"><freejoint name="float"/><geom type="sphere" size=".1" mass="1" solref="{solref}"/>
 <site name="push"/></body></worldbody>
 <actuator><motor name="push" site="push" refsite="push" gear="1 0 0 0 0 0"/></actuator>
 <sensor><framepos name="box" objtype="body" objname="box"/></sensor></mujoco>"""

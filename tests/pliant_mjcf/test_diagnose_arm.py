@@ -6,9 +6,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from tests.pliant_mjcf.mjcf_models import ARM
 
 import pliant
-from tests.pliant_mjcf.mjcf_models import ARM
 
 KINDS = ("actuation_gain", "input_offset", "supply_lag", "sensor_scale")
 
