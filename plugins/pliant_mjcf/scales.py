@@ -10,7 +10,7 @@ alone, never from a recording:
   what swings its inertia through its range once per second.
 - range θ: half of the joint's limits; 1 rad or 0.1 m without limits.
 - speed ω = √(T θ / I), with the inertia I that the joint moves: that reached by T over θ from rest. Damping is T / ω
-  and stiffness T / θ, so that size one is about critical damping.
+  and stiffness T / θ, so that size one is about critical damping; what the MJCF states counts if it is larger.
 - mass of a body: its own. Length: its radius of gyration, √(trace of the inertia / 2 m).
 - force of a tendon: what its actuators can give, else the smallest T of its joints over their moment arms; its range is
   the change of its length over the ranges of its joints.
@@ -37,28 +37,25 @@ from pliant_mjcf.quantities import joint_unit
 
 FREE_RANGE = {"rad": 1.0, "m": 0.1}
 ONE_HERTZ = (2.0 * np.pi) ** 2
-# Unit of a parameter → powers of force, range, speed and angle; slides and tendons have the second spelling.
-FORCES: Mapping[str, tuple[int, ...]] = {
-    "N*m": (1, 0, 0, 0),
-    "N": (1, 0, 0, 0),
-    "N*m/rad": (1, -1, 0, 0),
-    "N/m": (1, -1, 0, 0),
-    "N*m*s": (1, 0, -1, 0),
-    "N*m*s/rad": (1, 0, -1, 0),
-    "N*s/m": (1, 0, -1, 0),
-    "rad/s": (0, 0, 1, 0),
-    "s^-1": (0, 0, 1, 0),
-    "m/s": (0, 0, 1, 0),
-    "m": (0, 1, 0, 0),
-    "rad": (0, 0, 0, 1),
+LIGHTEST = 1e-12  # inertia
+# Unit of a parameter → its size; slides and tendons have the second spelling.
+MOTIONS: Mapping[str, str] = {
+    "N*m": "force",
+    "N": "force",
+    "N*m/rad": "stiffness",
+    "N/m": "stiffness",
+    "N*m*s": "damping",
+    "N*m*s/rad": "damping",
+    "N*s/m": "damping",
+    "rad/s": "speed",
+    "s^-1": "speed",
+    "m/s": "speed",
+    "m": "range",
+    "rad": "angle",
 }
-# The same for powers of mass and length of a body.
-MASSES: Mapping[str, tuple[int, ...]] = {"kg": (1, 0), "m": (0, 1), "kg*m^2": (1, 2), "m^2*kg": (1, 2)}
-REFERENCE = {
-    JOINT: np.ones(4),
-    TENDON: np.array([10.0, 0.1, 0.1, 1.0]),
-    BODY: np.array([1.0, 0.1]),
-}
+MASSES: Mapping[str, str] = {"kg": "mass", "m": "length", "kg*m^2": "inertia", "m^2*kg": "inertia"}
+# Sizes of a place by their names.
+Sizes = Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +63,13 @@ class Scales:
     """Sizes by place.
 
     Attributes:
-        joints, tendons: (4,) force, range, speed, and the range of a slide or 1 rad of a hinge, by name.
-        bodies: (2,) mass and length by name.
+        joints, tendons: force, range, speed, stiffness, damping and angle by name; the angle of a slide is its range.
+        bodies: mass, length and inertia by name.
     """
 
-    joints: Mapping[str, Array]
-    tendons: Mapping[str, Array]
-    bodies: Mapping[str, Array]
+    joints: Mapping[str, Sizes]
+    tendons: Mapping[str, Sizes]
+    bodies: Mapping[str, Sizes]
 
     @staticmethod
     def of(model: Any) -> Scales:
@@ -81,14 +78,20 @@ class Scales:
         mujoco.mj_forward(model, data)
         inertia = _inertias(model, data)
         moments, limits = _moments(model, data), _limits(model)
-        joints, by_dof = {}, np.zeros((model.nv, 4))
+        joints: dict[str, Sizes] = {}
+        by_dof: dict[int, Sizes] = {}
         for name, k in element_names(model, JOINT).items():
             dof, unit = int(model.jnt_dofadr[k]), joint_unit(model, k)
             low, high = model.jnt_range[k]
             span = 0.5 * float(high - low) if model.jnt_limited[k] and high > low else FREE_RANGE[unit]
-            force = max(float(limits @ np.abs(moments[:, dof])), _weight(model, data, k))
-            by_dof[dof] = _sizes(force, span, float(inertia[dof]), 1.0 if unit == "rad" else span)
-            joints[name] = by_dof[dof]
+            by_dof[dof] = joints[name] = motion_sizes(
+                max(float(limits @ np.abs(moments[:, dof])), _weight(model, data, k)),
+                span,
+                float(inertia[dof]),
+                stiffness=float(model.jnt_stiffness[k]),
+                damping=float(model.dof_damping[dof]),
+                angle=1.0 if unit == "rad" else span,
+            )
         tendons = {
             name: _tendon(model, data, k, by_dof, inertia, limits)
             for name, k in element_names(model, TENDON).items()
@@ -101,14 +104,14 @@ def adapted_parameter(scales: Scales, kind: str, declared: EffectParameter) -> E
     """Return the parameter with its plausible range in the size of the places that the kind names."""
     plain, _, pattern = kind.partition(AT)
     place = PLACE_OF_KIND.get(plain, "")
-    powers = (MASSES if place == BODY else FORCES).get(declared.unit)
-    if place not in REFERENCE or powers is None:
+    size = (MASSES if place == BODY else MOTIONS).get(declared.unit)
+    if place not in REFERENCE or size is None:
         return declared
     sizes = {JOINT: scales.joints, TENDON: scales.tendons, BODY: scales.bodies}[place]
     found = [
-        float(np.prod((one / REFERENCE[place]) ** np.array(powers)))
+        one[size] / REFERENCE[place][size]
         for name, one in sizes.items()
-        if fnmatchcase(name, pattern or "*") and (one > 0.0).all()
+        if one and fnmatchcase(name, pattern or "*")
     ]
     return scaled(declared, float(np.median(found))) if found else declared
 
@@ -116,22 +119,44 @@ def adapted_parameter(scales: Scales, kind: str, declared: EffectParameter) -> E
 def scaled(declared: EffectParameter, factor: float) -> EffectParameter:
     """Return the parameter with its neutral value and plausible range times a factor, within its bounds.
 
-    The factor is rounded to two digits, so that ranges can be read.
+    They are rounded to two digits, so that they can be read.
     """
-    factor = float(f"{factor:.2g}")
     low, high = declared.bounds
-    least, most = (min(max(factor * end, low), high) for end in declared.plausible)
+    least, most = (min(max(float(f"{factor * end:.2g}"), low), high) for end in declared.plausible)
     neutral = min(max(factor * declared.neutral, low), high)
     if not least < most:
         return declared
     return replace(declared, neutral=neutral, plausible=(least, most))
 
 
-def _sizes(force: float, span: float, inertia: float, angle: float = 1.0) -> Array:
-    """Return (4,) force, range, speed and angle."""
-    inertia = max(inertia, 1e-12)
+def motion_sizes(
+    force: float,
+    span: float,
+    inertia: float,
+    *,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    angle: float = 1.0,
+) -> Sizes:
+    """Return the sizes of a joint or tendon with this force, range and inertia, and what the MJCF states."""
+    inertia = max(inertia, LIGHTEST)
     force = force if force > 0.0 else ONE_HERTZ * inertia * span
-    return np.array([force, span, np.sqrt(force * span / inertia), angle])
+    speed = float(np.sqrt(force * span / inertia))
+    return {
+        "force": force,
+        "range": span,
+        "speed": speed,
+        "stiffness": max(force / span, stiffness),
+        "damping": max(force / speed, damping),
+        "angle": angle,
+    }
+
+
+REFERENCE: Mapping[str, Sizes] = {
+    JOINT: motion_sizes(1.0, 1.0, 1.0),
+    TENDON: motion_sizes(10.0, 0.1, 100.0),
+    BODY: {"mass": 1.0, "length": 0.1, "inertia": 0.01},
+}
 
 
 def _inertias(model: Any, data: Any) -> Array:
@@ -177,22 +202,27 @@ def _weight(model: Any, data: Any, joint: int) -> float:
     return weight * float(np.linalg.norm(arm - axis * (axis @ arm)))
 
 
-def _tendon(model: Any, data: Any, k: int, joints: Array, inertia: Array, limits: Array) -> Array:
-    """Return (4,) force, range, speed and angle of a tendon."""
+def _tendon(
+    model: Any, data: Any, k: int, joints: Mapping[int, Sizes], inertia: Array, limits: Array
+) -> Sizes:
+    """Return the sizes of a tendon; none where it moves no hinge or slide."""
     arms = np.abs(_tendon_arms(model, data, k))
-    moved = np.flatnonzero((arms > 0.0) & (joints[:, 0] > 0.0))
-    own = [
-        a
+    moved = [dof for dof in joints if arms[dof] > 0.0]
+    if not moved:
+        return {}
+    own = sum(
+        float(limits[a])
         for a in range(model.nu)
         if int(model.actuator_trntype[a]) == int(mujoco.mjtTrn.mjTRN_TENDON)
         and model.actuator_trnid[a][0] == k
-    ]
-    if not len(moved):
-        return np.zeros(4)
-    force = float(sum(limits[a] for a in own)) or float((joints[moved, 0] / arms[moved]).min())
-    span = float(arms[moved] @ joints[moved, 1])
-    mass = 1.0 / float(np.sum(arms[moved] ** 2 / np.maximum(inertia[moved], 1e-12)))
-    return _sizes(force, span, mass)
+    )
+    return motion_sizes(
+        own or min(joints[dof]["force"] / float(arms[dof]) for dof in moved),
+        sum(joints[dof]["range"] * float(arms[dof]) for dof in moved),
+        1.0 / float(np.sum(arms[moved] ** 2 / np.maximum(inertia[moved], LIGHTEST))),
+        stiffness=float(model.tendon_stiffness[k]),
+        damping=float(model.tendon_damping[k]),
+    )
 
 
 def _tendon_arms(model: Any, data: Any, k: int) -> Array:
@@ -203,9 +233,8 @@ def _tendon_arms(model: Any, data: Any, k: int) -> Array:
     return found
 
 
-def _body(model: Any, k: int) -> Array:
-    """Return (2,) mass and radius of gyration of a body."""
+def _body(model: Any, k: int) -> Sizes:
+    """Return mass, radius of gyration and inertia of a body."""
     mass = float(model.body_mass[k])
-    if mass <= 0.0:
-        return np.zeros(2)
-    return np.array([mass, np.sqrt(0.5 * float(model.body_inertia[k].sum()) / mass)])
+    length = float(np.sqrt(0.5 * float(model.body_inertia[k].sum()) / mass))
+    return {"mass": mass, "length": length, "inertia": mass * length**2}

@@ -396,3 +396,20 @@ def test_ranges_have_the_size_of_the_system(tmp_path: Path) -> None:
     assert model.adapted("body_mass", share) is share
     narrow = EffectParameter("d", "N*m", 0.0, (0.0, 1.0), (0.0, 0.5))
     assert model.adapted("coulomb_friction", narrow).plausible == (0.0, 1.0)
+
+
+def test_ranges_of_tendons_and_of_stated_damping(tmp_path: Path) -> None:
+    text = pendulum(damping=7.0, actuator='<motor name="cable" tendon="cable" ctrlrange="0 30"/>')
+    cable = '<tendon><fixed name="cable"><joint joint="hinge" coef="0.02"/></fixed></tendon><actuator>'
+    model = model_of(tmp_path, text.replace("<actuator>", cable))
+    assert model.attachments["tendon"] == ("cable",)
+    friction = EffectParameter("f", "N", 0.0, (-1e5, 1e5), (-5.0, 5.0))
+    assert model.adapted("tendon_friction", friction).plausible == (
+        -15.0,
+        15.0,
+    )  # 30 N, the reference has 10 N
+    slack = EffectParameter("s", "m", 0.0, (0.0, 1.0), (0.0, 0.01))
+    assert model.adapted("tendon_slack@cable", slack).plausible == (0.0, 0.002)  # 0.02 m of 0.1 m
+    damping = EffectParameter("d", "N*m*s", 0.0, (-1e5, 1e5), (-0.2, 0.2))
+    assert model.adapted("viscous_damping", damping).plausible == (-1.4, 1.4)
+    assert model.adapted("viscous_damping@elbow", damping) is damping
