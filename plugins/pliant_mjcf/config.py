@@ -11,6 +11,7 @@ from pydantic import Field, field_validator
 
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.model import ModelConfig
+from pliant.units import UnitError, parse_quantity
 
 FIRST, SETTLED = "first", "settled"
 
@@ -53,9 +54,19 @@ class MjcfModelConfig(ModelConfig):
     initial: str | Mapping[str, float] | None = Field(
         None,
         description="state at the start of a run: `first` (joints as their first readings), `settled` (at rest under "
-        "the first inputs), the name of a keyframe, or joint → position; without it `first` where all joints are "
-        "read, else `settled`",
+        "the first inputs), the name of a keyframe, or joint → position (`30 deg`, `5 mm`, or SI); without it `first` "
+        "where all joints are read, else `settled`",
     )
+
+    @field_validator("initial", mode="before")
+    @classmethod
+    def _read_positions(cls, value: Any) -> Any:
+        """Return positions of joints as numbers; raise `ValueError` for what is neither a word nor a mapping."""
+        if value is None or isinstance(value, str):
+            return value
+        if not isinstance(value, Mapping):
+            raise ValueError("needs a word (first, settled, a keyframe), or joint: position")
+        return {str(joint): _position(str(joint), one) for joint, one in value.items()}
 
     @field_validator("inputs", mode="before")
     @classmethod
@@ -74,3 +85,15 @@ class MjcfModelConfig(ModelConfig):
         if not isinstance(value, Mapping):
             return value
         return {key: 0.0 if one is None else one for key, one in value.items()}
+
+
+def _position(joint: str, value: Any) -> float:
+    """Return a position in rad or m; raise `ValueError` for something else."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    for unit in ("rad", "m") if isinstance(value, str) else ():
+        try:
+            return parse_quantity(value, unit)
+        except UnitError:
+            continue
+    raise ValueError(f"{joint} is {value!r}; write an angle or a length, such as '30 deg' or '5 mm'")

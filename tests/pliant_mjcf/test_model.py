@@ -338,6 +338,12 @@ def test_a_missing_file_and_a_wrong_curve(tmp_path: Path) -> None:
     for curve in ([[0.0, 1.0]], [[1.0, 0.0], [0.0, 1.0]]):
         with pytest.raises(ValueError, match="two points or more"):
             MjcfModelConfig(file=tmp_path, inputs={"p": {"actuator": "a", "curve": curve}})
+    assert MjcfModelConfig(
+        file=tmp_path, initial={"a": "30 deg", "b": "5 mm", "c": 1}
+    ).initial == pytest.approx({"a": np.pi / 6.0, "b": 0.005, "c": 1.0})
+    for wrong in ({"a": "5 kPa"}, {"a": None}, 3):
+        with pytest.raises(ValueError, match="write an angle or a length|needs a word"):
+            MjcfModelConfig(file=tmp_path, initial=wrong)
 
 
 def test_a_file_that_diverges_at_once(tmp_path: Path) -> None:
