@@ -30,6 +30,7 @@ from pliant.records.shape import TriangleMesh
 from pliant.registry.discovery import Registry
 from pliant_export.check_file import CheckFile, posed_states, reference_law_points, settled_states
 from pliant_export.law_files import ENDINGS, LAW_FORMATS, write_laws
+from pliant_export.system_export import export_system
 from pliant_export.written_law import NOT_WRITTEN, has_form, identifier
 
 # File endings that do not determine their format.
@@ -97,11 +98,19 @@ def export(
     An MJCF file comes with a Python module that makes it act in plain MuJoCo, a URDF file with the law as JSON and a
     reader. The law alone is written as C, NumPy, torch, JAX or JSON. Each has a check file `FILE.check.json` with the
     study's predictions. An STL of one module needs no FEM. The format reachable writes where the tip can go, as a table
-    and as a picture.
+    and as a picture. A study with a `model` of its own writes that model with its effects: an MJCF with a module for
+    what MJCF cannot say and a check file, or parameters.csv.
     """
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
     loaded = session.study(study, overrides)
+    if loaded.model is not None:
+        if form or part != "chain" or scale != 1.0:
+            raise UserError(
+                "--format, --part and --scale are for chains of modules; the ending of --out decides for other models."
+            )
+        export_system(session, loaded, out)
+        return
     wanted = (form or out.suffix.removeprefix(".")).lower()
     wanted = FORMATS.get(wanted, wanted)
     if wanted == REACHABLE:

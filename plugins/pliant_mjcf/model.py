@@ -6,6 +6,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -16,7 +17,15 @@ from pliant.errors import UserError
 from pliant.execution.executors import own_threads
 from pliant.formatting import number
 from pliant.interfaces.effect import AT, EffectParameter
-from pliant.interfaces.model import Channel, Drive, SystemModel, SystemParts, SystemReadings
+from pliant.interfaces.model import (
+    Channel,
+    Drive,
+    Exported,
+    Improved,
+    SystemModel,
+    SystemParts,
+    SystemReadings,
+)
 from pliant.pipeline.workbench import digest
 from pliant.records.design import Array
 from pliant.registry.files import shown
@@ -125,12 +134,10 @@ class MjcfModel(SystemModel):
         courses = []
         known: dict[tuple[Any, ...], Array] = {}
         for drive, one in zip(drives, samples, strict=True):
-            control = self._control(drive)
+            control = self.control(drive)
             key = (control[0].tobytes(), tuple(sorted(drive.first.items())))
             if key not in known:  # runs that begin alike settle alike
-                known[key] = start_state(
-                    model, self.config.initial, drive.first, self.loaded.outputs, control[0]
-                )
+                known[key] = self.start(model, drive)
             courses.append(Course(known[key], one.steps, _clock(drive), control))
         # a diagnosis already works in several threads
         alone = threading.current_thread() is threading.main_thread()
@@ -142,7 +149,13 @@ class MjcfModel(SystemModel):
             threads=own_threads() if alone else 1,
         )
 
-    def _control(self, drive: Drive) -> Array:
+    def start(self, model: Any, drive: Drive) -> Array:
+        """Return the state in which a run begins, of the compiled model."""
+        return start_state(
+            model, self.config.initial, drive.first, self.loaded.outputs, self.control(drive)[0]
+        )
+
+    def control(self, drive: Drive) -> Array:
         """Return (t, nu) ctrl at the samples."""
         control = np.tile(self.loaded.resting, (len(drive.history), 1))
         for one in self.loaded.inputs:
@@ -167,6 +180,12 @@ class MjcfModel(SystemModel):
         with silent():
             march = self._march(model, drives, [_samples(drive, model) for drive in drives], ())
             return run_remarks(march, drives, self.loaded.inputs)
+
+    def export(self, improved: Improved, target: Path) -> Exported:
+        """Write an MJCF with the effects that it can say, and a module for the others; see `pliant_mjcf.export`."""
+        from pliant_mjcf.export.files import export_files
+
+        return export_files(self, improved, target)
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return the digests of the MJCF and of every file that it reads, and MuJoCo's version."""

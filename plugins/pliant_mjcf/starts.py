@@ -68,7 +68,7 @@ def start_state(
     read = _read_joints(model, first, reads)
     if isinstance(initial, str) and initial not in (FIRST, SETTLED):
         mujoco.mj_resetDataKeyframe(model, data, model.key(initial).id)
-        _hold_inputs(model, data, control, activations=False)
+        hold_inputs(model, data, control, activations=False)
         data.time = 0.0
         return state_of(model, data)
     if isinstance(initial, Mapping):
@@ -116,11 +116,11 @@ def _posed(
         data.qpos[address] = value
     for address, value in velocities.items():
         data.qvel[address] = value
-    _hold_inputs(model, data, control)
+    hold_inputs(model, data, control)
     return state_of(model, data)
 
 
-def _hold_inputs(model: Any, data: Any, control: Array, activations: bool = True) -> None:
+def hold_inputs(model: Any, data: Any, control: Array, activations: bool = True) -> None:
     """Let the actuators be as after a long time under these inputs."""
     low, high = model.actuator_ctrlrange.T
     held = np.where(model.actuator_ctrllimited, np.clip(control, low, high), control)
@@ -144,7 +144,7 @@ def _hold_inputs(model: Any, data: Any, control: Array, activations: bool = True
 
 def _settled(model: Any, data: Any, control: Array) -> Array:
     """Return the state of rest under constant inputs; that of qpos0 if there is none within `SETTLING_S`."""
-    _hold_inputs(model, data, control)
+    hold_inputs(model, data, control)
     beginning = state_of(model, data)
     mujoco.mj_forward(model, data)
     if not model.nv:

@@ -48,7 +48,11 @@ class InputEffect(SignalEffect):
 
     def act(self, parts: SystemParts) -> SystemParts:
         """Return the parts with one more map of the inputs."""
-        return parts.with_input(partial(_driven, self._transforms(parts, parts.names[0])))
+        return parts.with_input(partial(driven_by, self.transforms(parts)))
+
+    def transforms(self, parts: SystemParts) -> dict[str, Transform]:
+        """Return the map of each chosen input."""
+        return self._transforms(parts, parts.names[0])
 
 
 class OutputEffect(SignalEffect):
@@ -65,7 +69,8 @@ def _scaled(effect: SignalEffect, scale: float, values: Array, time_s: Array) ->
     return effect.transform(values, time_s, scale)
 
 
-def _driven(transforms: Mapping[str, Transform], history: History) -> History:
+def driven_by(transforms: Mapping[str, Transform], history: History) -> History:
+    """Return the history with some of its inputs mapped."""
     assert history.time_s is not None
     changed = {
         name: transform(history.actuation[name], history.time_s)

@@ -106,6 +106,16 @@ class DrivenModel(MeasuredModel):
         """Return sentences on outputs that the model lacks, and the system's own on these runs."""
         return [*super().remarks, *self.system.remarks(self._drives(self._base, None))]
 
+    @property
+    def unchanged(self) -> SystemParts:
+        """Return the system without the study's effects."""
+        return self._parts()
+
+    @property
+    def commanded(self) -> list[Drive]:
+        """Return the measured runs as commanded, before any effect."""
+        return self._drives(self._parts(), None)
+
     def default_kinds(self, kinds: Sequence[str]) -> list[str]:
         """Return the kinds that the system proposes."""
         return self.system.default_kinds(kinds)

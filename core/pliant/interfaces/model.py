@@ -7,9 +7,10 @@ runs from the histories of its inputs.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import Field
@@ -78,6 +79,42 @@ class Drive:
 SystemReadings = dict[str, Array]
 
 
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """A study's model with its effects, for an export.
+
+    Attributes:
+        study: its name.
+        effects: of the study, in their order.
+        told: what is known of each: values, uncertainty, the recording that they were fitted to.
+        parts: the system without the effects.
+        drives: recorded runs for a check, as commanded.
+        predicted: the study's predictions of their readings, SI.
+    """
+
+    study: str
+    effects: tuple[Effect, ...]
+    told: tuple[str, ...]
+    parts: SystemParts
+    drives: tuple[Drive, ...] = ()
+    predicted: tuple[Mapping[str, Array], ...] = ()
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files of an improved model.
+
+    Attributes:
+        files: the model first.
+        acts: where each effect is written, in a sentence, by the effect's kind.
+        sentences: how to use the files, and what they do not have.
+    """
+
+    files: tuple[Path, ...]
+    acts: Mapping[str, str]
+    sentences: tuple[str, ...] = ()
+
+
 class SystemModel(Configured[ModelConfig]):
     """A model that predicts the readings of runs.
 
@@ -130,6 +167,21 @@ class SystemModel(Configured[ModelConfig]):
     def remarks(self, drives: Sequence[Drive]) -> tuple[str, ...]:
         """Return sentences on these runs that limit a comparison, such as contacts that chatter."""
         return ()
+
+    def export(self, improved: Improved, target: Path) -> Exported:
+        """Write the model with its effects as files of its own kind; check files have the names `FILE.check.json`.
+
+        Raises:
+            UserError: this kind of model has no such file, or an effect cannot be written.
+        """
+        raise UserError(
+            f"a model of kind '{self.config.kind}' cannot be exported; --out parameters.csv writes the numbers of its "
+            "effects."
+        )
+
+    def picture(self, places: Mapping[str, Collection[str]]) -> Array | None:
+        """Return a picture (height, width, 3) of 8-bit RGB with places marked, by kind of place; None without one."""
+        return None
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return JSON values that identify the model's files and libraries, for keys of results."""
