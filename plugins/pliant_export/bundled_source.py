@@ -33,14 +33,15 @@ class Bundle:
 
     Args:
         given: names that the text around the bundle defines.
+        called: names of the methods that it calls.
     """
 
-    def __init__(self, given: tuple[str, ...] = ()) -> None:
+    def __init__(self, given: tuple[str, ...] = (), called: tuple[str, ...] = ()) -> None:
         self._given = {*given, EFFECT}
         self._objects: dict[str, Any] = {}
         self._constants: dict[str, str] = {}
         self._imports: set[str] = set()
-        self._used: set[str] = set()  # names of attributes
+        self._used: set[str] = set(called)  # names of attributes
         self._scanned: set[Any] = set()
 
     def value(self, value: Any) -> str:
@@ -144,8 +145,6 @@ class Bundle:
                         self._resolve(node.id, function.__globals__)
                 for imported in _own_imports(function):
                     self._add(imported)
-            if isinstance(wanted, type) and is_dataclass(wanted):
-                self._imports.add("from dataclasses import dataclass")
         return before != (len(self._objects), len(self._used), len(self._scanned))
 
     def _in_order(self) -> Iterator[Any]:
@@ -169,15 +168,15 @@ class Bundle:
         base = base or (EFFECT if issubclass(wanted, Configured) else "")
         body: list[ast.stmt] = [ast.Expr(ast.Constant(inspect.cleandoc(wanted.__doc__ or wanted.__name__)))]
         if is_dataclass(wanted):
-            body += [ast.parse(f"{one.name}: object").body[0] for one in fields(wanted)]
+            names = [one.name for one in fields(wanted)]
+            lines = [f"    self.{name} = {name}" for name in names] or ["    pass"]
+            body += ast.parse("\n".join([f"def __init__(self, {', '.join(names)}):", *lines])).body
         for name, member in _members(wanted, self._used).items():
             written = isinstance(member, PLAIN + (tuple,))
             body.append(ast.parse(f"{name} = {member!r}").body[0] if written else _parsed(_function(member)))
         made = ast.parse(f"class {wanted.__name__}{f'({base})' if base else ''}:\n    pass").body[0]
         assert isinstance(made, ast.ClassDef)
         made.body = body
-        if is_dataclass(wanted):
-            made.decorator_list = [ast.parse("dataclass(frozen=True, eq=False)", mode="eval").body]
         return made
 
 

@@ -88,6 +88,7 @@ def _write(
         ),
         encoding="utf-8",
     )
+    names = [one.channel.name for one in written.inputs]
     exact = all(place.exact for place in written.places)
     runs = [
         {

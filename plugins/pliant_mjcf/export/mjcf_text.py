@@ -19,6 +19,7 @@ from pliant_plugins.physics.mujoco.warned import silent
 DIGITS = 17  # that give every float back
 TAG = re.compile(r"<(/?)([\w]+)([^>]*?)(/?)>")
 NAME = re.compile(r'\b(?:name|class)="([^"]*)"')
+LIBRARY = re.compile(r"(lib)?mujoco\.(so|dylib|dll|\d).*")
 VALUE = re.compile(r'"([^"]*)"')
 # tag and name of an element, or the path to it where it has no name
 Key = tuple[str, ...]
@@ -94,6 +95,7 @@ def carry_files(spec: Any, source: Path, target: Path) -> tuple[Path, ...]:
             if hasattr(one, "cubefiles"):
                 one.cubefiles = [carried(str(name), str(kind)) for name in one.cubefiles]
     if copies:
+        spec.modelfiledir = str(target.parent)
         spec.meshdir = spec.texturedir = os.path.relpath(folder, target.parent)
     return tuple(copies.values())
 
@@ -101,14 +103,8 @@ def carry_files(spec: Any, source: Path, target: Path) -> tuple[Path, ...]:
 @contextmanager
 def _all_digits() -> Iterator[None]:
     """Let MuJoCo write all digits; it writes six by default, and has no public function for more."""
-    library = next(
-        (
-            file
-            for file in Path(mujoco.__file__).parent.iterdir()
-            if re.fullmatch(r"(lib)?mujoco\.(so|dylib|dll|\d).*", file.name)
-        ),
-        None,
-    )
+    files = Path(mujoco.__file__).parent.iterdir()
+    library = next((file for file in files if LIBRARY.fullmatch(file.name)), None)
     functions = None if library is None else ctypes.CDLL(str(library))
     change = getattr(functions, "_mjPRIVATE__set_xml_precision", None)
     present = getattr(functions, "_mjPRIVATE__get_xml_precision", None)

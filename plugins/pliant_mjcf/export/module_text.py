@@ -13,6 +13,7 @@ from pliant_mjcf.export.written_model import WrittenModel
 
 COLUMNS, NEEDED = "# Filled in by the export", "# --- what effects need ---"
 LISTS, DRIVER = "# Effects that MJCF cannot say", "# --- the driver ---"
+CALLED = ("start", "advance")  # by the driver
 GIVEN = ("UserError", "ImpossibleEffectError", "Effect", "Run")
 
 
@@ -50,7 +51,7 @@ def module_text(
         "FIXED": dict(fixed),
         "OUTPUTS": {one.channel.name: (one.sensor, one.component) for one in outputs},
     }
-    bundle = Bundle(GIVEN)
+    bundle = Bundle(GIVEN, (*CALLED, *(("change",) if written.numbers else ())))
     lists = {
         name: "[" + ", ".join(bundle.value(one) for one in found) + "]"
         for name, found in (
@@ -66,7 +67,7 @@ def module_text(
     return "".join(
         [
             head.replace("{about}", "\n".join(about), 1).replace("{file}", file, 1),
-            "# Columns of a recording: the actuator and curve of each input, the sensor and component of each output.\n",
+            "# Columns of a recording: actuator and curve of each input, sensor and component of each output.\n",
             "\n".join(stated),
             f"\n\n{NEEDED}",
             needed,
