@@ -92,6 +92,11 @@ class DrivenModel(MeasuredModel):
         return {**super().attachments, **self.system.attachments}
 
     @property
+    def no_state(self) -> str:
+        """Return the sentence on a model without a finite reading."""
+        return "the model has no finite reading in any measured run; it diverges there, or returns NaN"
+
+    @property
     def threads(self) -> bool:
         """Return whether the system works in several threads."""
         return self.system.threads
