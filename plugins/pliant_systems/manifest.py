@@ -57,10 +57,7 @@ def pliant_components() -> Iterable[Component]:
             v,
             "ParameterValue",
             "a parameter has another value",
-            "ModelValue",
             models=("python",),
         ),
-        _effect(
-            "state", v, "StateEffect", "a declared effect of the state acts", "ModelValue", models=("python",)
-        ),
+        _effect("state", v, "StateEffect", "a declared effect of the state acts", models=("python",)),
     ]

@@ -140,7 +140,10 @@ class PythonModel(SystemModel):
 
     def _values(self, parts: SystemParts) -> dict[str, float]:
         values = {name: one.value for names in self.file.tables.values() for name, one in names.items()}
-        return values | {change.name: change.value for change in parts.changes}
+        for change in parts.changes:
+            stated_number(self.file, change.place, change.name)
+            values[change.name] = change.value
+        return values
 
     def _called(self, drive: Drive, values: Mapping[str, float]) -> Mapping[str, Any]:
         """Return what the function gives for a run; raise `UserError` if it fails."""
