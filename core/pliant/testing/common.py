@@ -31,8 +31,8 @@ def config_subclasses_the_interface(subject: Subject) -> None:
 
 
 def config_names_its_kind(subject: Subject) -> None:
-    """`kind: Literal["mine"] = "mine"` narrows the config to the kind that the manifest names; of an effect of a user's
-    own model `kind: str = effect_kind("mine")`, which allows places behind it."""
+    """`kind: Literal["mine"] = "mine"` is the kind that the manifest names; effects of own models write
+    `kind: str = effect_kind("mine")`."""
     kind, whose = subject.component.kind, f"{subject.model.__name__}.kind"
     field = subject.model.model_fields["kind"]
     if subject.component.interface == "effect" and CHAIN not in subject.component.models:

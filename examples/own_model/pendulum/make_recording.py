@@ -1,5 +1,7 @@
 """Write recording.csv: the pendulum with dry friction, which the model leaves out, integrated finely, with noise."""
 
+from pathlib import Path
+
 import numpy as np
 from pendulum import simulate
 
@@ -18,5 +20,4 @@ for run, torque in enumerate(torques):
     angle = simulate(fine, {"torque_n_m": np.interp(fine, time_s, torque)}, HIDDEN)["angle_rad"]
     read = np.interp(time_s, fine, angle) + rng.normal(0.0, NOISE_RAD, len(time_s))
     rows += [f"r{run},{t:.2f},{u:.5f},{a:.5f}" for t, u, a in zip(time_s, torque, read, strict=True)]
-with open("recording.csv", "w") as file:
-    file.write("\n".join(rows) + "\n")
+Path("recording.csv").write_text("\n".join(rows) + "\n")

@@ -1,5 +1,7 @@
 """Write recording.csv: a finer rod whose couple arrives late, with noise. The lag is what the model does not know."""
 
+from pathlib import Path
+
 import numpy as np
 from rod import simulate
 
@@ -18,7 +20,11 @@ for run, couple in enumerate(couples):
     for k in range(1, len(fine)):
         arrived[k] = arrived[k - 1] + 0.001 / LAG_S * (np.interp(fine[k], time_s, couple) - arrived[k - 1])
     tip = simulate(fine, {"couple_n_m": arrived}, {"stiffness": 2e5, "damping": 3.0}, **FINER)
-    read = [np.interp(time_s, fine, tip[name]) + rng.normal(0, NOISE_M, len(time_s)) for name in ("tip_y_m", "tip_z_m")]
-    rows += [f"r{run},{t:.2f},{u:.6f},{y:.5f},{z:.5f}" for t, u, y, z in zip(time_s, couple, *read, strict=True)]
-with open("recording.csv", "w") as file:
-    file.write("\n".join(rows) + "\n")
+    read = [
+        np.interp(time_s, fine, tip[name]) + rng.normal(0, NOISE_M, len(time_s))
+        for name in ("tip_y_m", "tip_z_m")
+    ]
+    rows += [
+        f"r{run},{t:.2f},{u:.6f},{y:.5f},{z:.5f}" for t, u, y, z in zip(time_s, couple, *read, strict=True)
+    ]
+Path("recording.csv").write_text("\n".join(rows) + "\n")
