@@ -1,4 +1,4 @@
-"""Write recording.csv: a robot of three shorter links whose sheath has friction, with a camera's noise."""
+"""Write recording.csv: the robot in steps of 0.25 ms whose sheath has friction, with a camera's noise."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from robot import robot, simulate
 
 NOISE_M, HIDDEN = 2e-3, {"stiffness": 1.0, "sheath_friction": 0.25}
 rng = np.random.default_rng(1)
-time_s, fine, finer = np.arange(0.0, 2.0, 0.02), np.arange(0.0, 1.981, 0.001), robot(3)
+time_s, fine, finer = np.arange(0.0, 2.0, 0.02), np.arange(0.0, 1.981, 0.001), robot(2)
 tensions = (
     0.9 * (1 - np.cos(2 * np.pi * time_s)),
     np.where(time_s < 1.0, 1.6, 0.6) * (time_s > 0.04),
