@@ -41,7 +41,16 @@ OURS = "pliant "  # packages whose pages are here; others have their own docs
 PARTS = {"physics": ("simulation",)}
 STUDY_KEY = {"effect": "effects"}
 # Folders that contain one file per kind; elsewhere a kind has its own folder.
-PLURALS = ("materials", "tasks", "effects", "families", "surrogates", "optimizers")
+PLURALS = (
+    "materials",
+    "tasks",
+    "effects",
+    "families",
+    "surrogates",
+    "optimizers",
+    "pliant_systems",
+    "pliant_mjcf",
+)
 STUDY_BLOCKS: dict[type[FrozenModel], str] = {
     ChainConfig: "chain",
     SegmentConfig: "chain.segments[]",
@@ -95,6 +104,7 @@ INTERFACE_CLASS = {
     "task": "Task",
     "optimizer": "Optimizer",
     "viewer": "Viewer",
+    "model": "SystemModel",
 }
 
 

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
-from pliant.interfaces.effect import EffectConfig, EffectNotes, parameter
+from pliant.interfaces.effect import EffectConfig, parameter
 from pliant.interfaces.model import effect_kind
 from pliant.records.design import Array
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.actuation_gain import ActuationGain
-from pliant_plugins.effects.backlash import Backlash
-from pliant_plugins.effects.dead_zone import DeadZone
 from pliant_plugins.effects.lag import lagged
-from pliant_plugins.effects.leak import Leak
-from pliant_plugins.effects.pressure_offset import PressureOffset
-from pliant_plugins.effects.supply_lag import SupplyLag
+from pliant_systems import notes as known
 from pliant_systems.signals import InputEffect, delayed, played
-
-WHERE = "every input of a user's own model, or those that a pattern names."
-
-
-def _notes(shared: EffectNotes, **changes: Any) -> EffectNotes:
-    """Return the notes of the effect of chains, for any system."""
-    return replace(shared, where=WHERE, **changes)
 
 
 class ActuationGainConfig(EffectConfig):
@@ -40,7 +25,7 @@ class InputGain(InputEffect):
     """u' = g u."""
 
     config: ActuationGainConfig
-    notes = _notes(ActuationGain.notes)
+    notes = known.GAIN
     recommended_experiments = ("slow_cycles", "step_response")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -59,7 +44,7 @@ class InputOffset(InputEffect):
     """u' = u + b û, with û the largest recorded magnitude."""
 
     config: InputOffsetConfig
-    notes = _notes(PressureOffset.notes, confounder="sensor_bias")
+    notes = known.OFFSET
     recommended_experiments = ("vented_zero", "slow_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -78,7 +63,7 @@ class InputDeadZone(InputEffect):
     """u' = sign(u) max(|u| − d û, 0)."""
 
     config: DeadZoneConfig
-    notes = _notes(DeadZone.notes)
+    notes = known.DEAD_ZONE
     recommended_experiments = ("small_loops", "slow_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -102,7 +87,7 @@ class InputLag(InputEffect):
     """T u'˙ + u' = u, from balance."""
 
     config: SupplyLagConfig
-    notes = _notes(SupplyLag.notes)
+    notes = known.LAG
     recommended_experiments = ("step_response", "fast_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -124,15 +109,7 @@ class DeadTime(InputEffect):
     """u'(t) = u(t − d)."""
 
     config: DeadTimeConfig
-    notes = EffectNotes(
-        signature="all motion sets in late by one time, at every rate; its shape is not changed.",
-        inspection="trigger command and sensor by one edge and compare their times; look for buffers.",
-        confounder="supply_lag",
-        distinguishing_test="step an input and sample fast: a dead time moves nothing at first, a lag begins at "
-        "once.",
-        excitation="step every input and sample quickly.",
-        where=WHERE,
-    )
+    notes = known.DEAD_TIME
     recommended_experiments = ("step_response", "fast_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -151,7 +128,7 @@ class InputPlay(InputEffect):
     """u' = play of half-width w û, which starts in its middle."""
 
     config: InputPlayConfig
-    notes = _notes(Backlash.notes, confounder="dead_zone")
+    notes = known.PLAY
     recommended_experiments = ("small_loops", "slow_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -170,14 +147,7 @@ class Saturation(InputEffect):
     """u' = min(|u|, (1 − s) û) sign(u)."""
 
     config: SaturationConfig
-    notes = EffectNotes(
-        signature="the largest commands have no more effect than smaller ones; below a level the model is right.",
-        inspection="raise the command in steps and read the force or current; look at the supply's limits.",
-        confounder="actuation_gain",
-        distinguishing_test="small cycles: a gain shows there, a saturation does not.",
-        excitation="step the inputs to their largest values and to half of them.",
-        where=WHERE,
-    )
+    notes = known.SATURATION
     recommended_experiments = ("step_response", "small_loops")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -199,7 +169,7 @@ class InputLeak(InputEffect):
     """u' = x with x˙ = u˙ − r x: a change acts at once and fades."""
 
     config: InputLeakConfig
-    notes = _notes(Leak.notes, confounder="actuation_gain")
+    notes = known.LEAK
     recommended_experiments = ("holds", "slow_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from pliant.registry.component import Component
@@ -12,6 +13,7 @@ CONTRACT = 3
 HERE = "pliant_systems"
 # Kinds of the block `model` whose inputs and outputs these effects change.
 MODELS = ("python", "mjcf")
+EXAMPLE = str(Path(__file__).with_name("example_model.py"))
 
 
 def _effect(kind: str, module: str, name: str, summary: str, config: str = "", **more: Any) -> Component:
@@ -22,7 +24,7 @@ def _effect(kind: str, module: str, name: str, summary: str, config: str = "", *
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """Return the model `python`, and the effects of inputs, outputs and parameters."""
-    i, o, p = "input_effects", "output_effects", "python_model"
+    i, o, p, v = "input_effects", "output_effects", "python_model", "named_values"
     return [
         Component(
             "model",
@@ -30,6 +32,7 @@ def pliant_components() -> Iterable[Component]:
             f"{HERE}.{p}:PythonModelConfig",
             f"{HERE}.{p}:PythonModel",
             "a Python function of time, inputs and parameters that returns readings",
+            {"file": EXAMPLE},
         ),
         *(
             _effect(kind, module, name, summary, config, models=MODELS)
@@ -51,13 +54,10 @@ def pliant_components() -> Iterable[Component]:
         ),
         _effect(
             "parameter",
-            p,
+            v,
             "ParameterValue",
             "a parameter has another value",
-            "ModelValue",
             models=("python",),
         ),
-        _effect(
-            "state", p, "StateEffect", "a declared effect of the state acts", "ModelValue", models=("python",)
-        ),
+        _effect("state", v, "StateEffect", "a declared effect of the state acts", models=("python",)),
     ]

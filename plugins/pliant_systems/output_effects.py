@@ -4,30 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import EffectConfig, EffectNotes, Readings, parameter
+from pliant.interfaces.effect import EffectConfig, Readings, parameter
 from pliant.interfaces.model import SystemEffect, SystemParts, effect_kind
 from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
 from pliant.units import Angle, Ratio, Time
 from pliant_plugins.effects.lag import lagged
-from pliant_plugins.effects.sensor_bias import SensorBias as ChainSensorBias
-from pliant_plugins.effects.sensor_lag import SensorLag as ChainSensorLag
-from pliant_plugins.effects.sensor_scale import SensorScale as ChainSensorScale
+from pliant_systems import notes as known
 from pliant_systems.signals import OutputEffect, delayed
 
-WHERE = "every output of a user's own model, or those that a pattern names."
 COMPONENT = re.compile(r"(.*)_([xyz])_([a-z0-9_]+)")
-
-
-def _notes(shared: EffectNotes, **changes: Any) -> EffectNotes:
-    return replace(shared, where=WHERE, **changes)
 
 
 class SensorBiasConfig(EffectConfig):
@@ -42,7 +34,7 @@ class SensorBias(OutputEffect):
     """y' = y + b ŷ, with ŷ the largest recorded magnitude."""
 
     config: SensorBiasConfig
-    notes = _notes(ChainSensorBias.notes, confounder="input_offset")
+    notes = known.BIAS
     recommended_experiments = ("vented_zero", "slow_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -61,7 +53,7 @@ class SensorScale(OutputEffect):
     """y' = g y."""
 
     config: SensorScaleConfig
-    notes = _notes(ChainSensorScale.notes)
+    notes = known.SCALE
     recommended_experiments = ("slow_cycles", "step_response")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -80,7 +72,7 @@ class SensorLag(OutputEffect):
     """T y'˙ + y' = y, from balance."""
 
     config: SensorLagConfig
-    notes = _notes(ChainSensorLag.notes)
+    notes = known.SENSOR_LAG
     recommended_experiments = ("step_response", "fast_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -99,15 +91,7 @@ class SensorDelay(OutputEffect):
     """y'(t) = y(t − d): clocks of two loggers that disagree, a camera's buffer."""
 
     config: SensorDelayConfig
-    notes = EffectNotes(
-        signature="one sensor is late against the others by one time, at every rate.",
-        inspection="knock on the system and compare the instants in both recordings.",
-        confounder="sensor_lag",
-        distinguishing_test="step an input: a delay keeps the shape of the reading, a lag rounds it. Where all "
-        "sensors are late together, the inputs may be late.",
-        excitation="quick cycles, with all sensors read.",
-        where=WHERE,
-    )
+    notes = known.DELAY
     recommended_experiments = ("fast_cycles", "step_response")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
@@ -133,14 +117,7 @@ class MisalignedFrame(SystemEffect):
 
     place = "output"
     config: MisalignedFrameConfig
-    notes = EffectNotes(
-        signature="positions are turned about the origin of their frame: components that should be constant move.",
-        inspection="move one axis of the robot alone and see whether one component of the reading moves alone.",
-        confounder="base_misalignment",
-        distinguishing_test="angles of joints and gravity do not know the camera's frame: they are right.",
-        excitation="move in all directions, with a camera.",
-        where="models with outputs whose names end in _x_m, _y_m and _z_m, or in another unit.",
-    )
+    notes = known.FRAME
     recommended_experiments = ("slow_cycles",)
 
     def act(self, parts: SystemParts) -> SystemParts:

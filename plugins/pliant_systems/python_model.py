@@ -1,58 +1,49 @@
 """Models that are Python functions: a file with the names of inputs and outputs, parameters, and `simulate`.
 
-    INPUTS = ("voltage",)
+    INPUTS = {"voltage": (0.0, 5.0)}               # or a tuple of names; a range is optional
     OUTPUTS = ("angle_rad",)
-    PARAMETERS = {"stiffness": (2.0, 1.0, 4.0)}    # value, and the plausible range
+    PARAMETERS = {"stiffness": (2.0, 1.0, 4.0, "N*m/rad", "stiffness of the hinge")}   # value, plausible range, …
     MISSING = {"air_drag": (0.0, 0.0, 0.2)}        # effects of the state that the model may lack, neutral first
+    DERIVATIVES = "jax"                            # or "torch"; optional
 
 
     def simulate(time_s, inputs, parameters):
         ...
         return {"angle_rad": angle}
 
-`inputs` and the returned readings are arrays (t,) by name, `parameters` values of both tables by name. A function
-`initial`, if there is one, gives the readings of a run's first sample as `simulate(…, first=…)`.
+`inputs` and the returned readings are arrays (t,) by name, `parameters` the numbers of both tables by name. A function
+`simulate(time_s, inputs, parameters, first=…)` gets the readings of the run's first sample by output, to start there.
+With `DERIVATIVES` all three arguments are arrays of that library, and slopes in the file's numbers are its derivatives;
+JAX arrays among the readings have the same effect. Other slopes are differences.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import AT, EffectConfig, EffectNotes, EffectParameter, parameter
-from pliant.interfaces.model import (
-    Channel,
-    Drive,
-    ModelConfig,
-    SystemEffect,
-    SystemModel,
-    SystemParts,
-    SystemReadings,
-)
+from pliant.interfaces.effect import AT, EffectParameter
+from pliant.interfaces.model import Channel, Drive, ModelConfig, SystemModel, SystemParts, SystemReadings
 from pliant.pipeline.workbench import digest
-from pliant.records.design import Array
 from pliant.registry.blame import describe_error
-from pliant.registry.files import load_module, shown
-from pliant.units import split_unit
-
-PARAMETER, STATE = "parameter", "state"
-TABLES = {PARAMETER: "PARAMETERS", STATE: "MISSING"}
+from pliant.registry.files import place_of
+from pliant_systems.derivatives import JAX, as_array, in_library, is_jax, linearized
+from pliant_systems.python_file import TABLES, PythonFile, StatedNumber, read_python_file, stated_number
 
 
 class PythonModelConfig(ModelConfig):
     """``model: {kind: python, file: my_model.py}``."""
 
     kind: Literal["python"] = "python"
-    file: Path = Field(description="the Python file, relative to the study", examples=["my_model.py"])
+    file: Path = Field(description="the Python file, relative to the study")
 
 
 class PythonModel(SystemModel):
@@ -62,16 +53,9 @@ class PythonModel(SystemModel):
     threads = False
 
     @cached_property
-    def module(self) -> ModuleType:
-        """The executed file; raises `UserError` for a file that fails or lacks a name."""
-        module = load_module(self.config.file)
-        for name in ("INPUTS", "OUTPUTS", "simulate"):
-            if not hasattr(module, name):
-                raise UserError(
-                    f"{shown(self.config.file)}: the model has no {name}; it needs INPUTS, OUTPUTS and "
-                    "simulate(time_s, inputs, parameters)."
-                )
-        return module
+    def file(self) -> PythonFile:
+        """The executed file; raises `UserError` for a file that fails or has a wrong entry."""
+        return read_python_file(self.config.file)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.config,)
@@ -79,165 +63,158 @@ class PythonModel(SystemModel):
     @property
     def inputs(self) -> tuple[Channel, ...]:
         """Return the channels of INPUTS."""
-        return self._channels("INPUTS", "input")
+        return self.file.inputs
 
     @property
     def outputs(self) -> tuple[Channel, ...]:
         """Return the channels of OUTPUTS."""
-        return self._channels("OUTPUTS", "output")
-
-    def _channels(self, name: str, what: str) -> tuple[Channel, ...]:
-        stated = getattr(self.module, name)
-        ranges = stated if isinstance(stated, Mapping) else {}
-        found = []
-        for one in stated:
-            low, high = ranges.get(one) or (None, None)
-            found.append(Channel(one, split_unit(one)[1], f"{what} '{one}'", low, high))
-        return tuple(found)
-
-    @cached_property
-    def stated(self) -> Mapping[str, Mapping[str, tuple[float, float, float]]]:
-        """The tables PARAMETERS and MISSING: value, lowest and highest plausible value by name."""
-        found: dict[str, dict[str, tuple[float, float, float]]] = {}
-        for place, table in TABLES.items():
-            found[place] = {}
-            for name, entry in getattr(self.module, table, {}).items():
-                numbers = tuple(float(one) for one in np.ravel(entry)[:3])
-                if len(numbers) != 3 or not numbers[1] < numbers[2]:
-                    raise UserError(
-                        f"{shown(self.config.file)}: {table}['{name}'] is {entry!r}; write (value, lowest plausible, "
-                        "highest plausible)."
-                    )
-                found[place][name] = (numbers[0], numbers[1], numbers[2])
-        return found
+        return self.file.outputs
 
     @property
     def attachments(self) -> Mapping[str, tuple[str, ...]]:
         """Return the names of parameters, and of effects of the state that the model may lack."""
-        return {place: tuple(names) for place, names in self.stated.items()}
+        return {place: tuple(names) for place, names in self.file.tables.items()}
 
     def default_kinds(self, kinds: Sequence[str]) -> list[str]:
         """Return all kinds, and one for each parameter and each declared effect of the state."""
-        own = [f"{place}{AT}{name}" for place, names in self.stated.items() for name in names]
+        own = [f"{place}{AT}{name}" for place, names in self.file.tables.items() for name in names]
         return [*(kind for kind in kinds if kind not in TABLES), *own]
 
+    def _stated(self, kind: str) -> StatedNumber | None:
+        """Return the number that an effect changes; None for other effects."""
+        place, at, name = kind.partition(AT)
+        return stated_number(self.file, place, name) if at and place in TABLES else None
+
     def adapted(self, kind: str, declared: EffectParameter) -> EffectParameter:
-        """Return the value's range as the file states it."""
-        place, _, name = kind.partition(AT)
-        if place not in TABLES:
+        """Return the value's range and unit as the file states it."""
+        stated = self._stated(kind)
+        if stated is None:
             return declared
-        if name not in self.stated[place]:
-            raise UserError(f"{shown(self.config.file)}: {TABLES[place]} has no '{name}'.")
-        value, low, high = self.stated[place][name]
+        value, low, high = stated.value, stated.low, stated.high
         span = high - low
         bounds = (min(low - 2 * span, value), max(high + 2 * span, value))
         if low >= 0.0 and value >= 0.0:
             bounds = (0.0, bounds[1])
-        return replace(declared, neutral=value, bounds=bounds, plausible=(low, high))
+        return replace(declared, neutral=value, bounds=bounds, plausible=(low, high), unit=stated.unit)
+
+    def words(self, kind: str) -> str:
+        """Return the file's words on a number."""
+        stated = self._stated(kind)
+        return "" if stated is None else stated.words
 
     def simulate(self, parts: SystemParts, drives: Sequence[Drive]) -> tuple[SystemReadings, ...]:
         """Return the readings that the function gives; raise `UserError` for one that fails or has another length."""
-        values = {name: entry[0] for names in self.stated.values() for name, entry in names.items()}
-        for change in parts.changes:
-            values[change.name] = change.value
-        return tuple(self._run(drive, values) for drive in drives)
+        values = self._values(parts)
+        return tuple(self._checked(drive, self._called(drive, values)) for drive in drives)
 
-    def _run(self, drive: Drive, values: Mapping[str, float]) -> SystemReadings:
-        where, history = shown(self.config.file), drive.history
-        simulate: Callable[..., Any] = self.module.simulate
-        more = {"first": dict(drive.first)} if "first" in inspect.signature(simulate).parameters else {}
-        inputs = {name: v.copy() for name, v in history.actuation.items()}
-        assert history.time_s is not None
+    def vary(
+        self, parts: SystemParts, towards: Sequence[SystemParts], drives: Sequence[Drive]
+    ) -> tuple[tuple[SystemReadings, ...], tuple[tuple[SystemReadings, ...], ...]] | None:
+        """Return readings and derivatives by the file's library; None for a file of numpy."""
+        values = self._values(parts)
+        library = self.file.library
+        if not library and is_jax(self._called(drives[0], values)):
+            library = JAX
+        if not library:
+            return None
+        moved = [self._values(other) for other in towards]
+        directions = [{name: other[name] - value for name, value in values.items()} for other in moved]
+        runs = []
+        for drive in drives:
+            try:
+                found, changes = linearized(library, partial(self._readings, drive), values, directions)
+            except UserError:
+                raise
+            except Exception as error:
+                if not self.file.library:
+                    return None
+                raise UserError(
+                    f"{self._place(error)}: simulate cannot be differentiated by {library} in run "
+                    f"'{drive.history.run}' ({describe_error(error)}); compute with {library} alone, or leave out "
+                    "DERIVATIVES."
+                ) from error
+            runs.append((self._checked(drive, found), [self._checked(drive, one) for one in changes]))
+        return tuple(run for run, _ in runs), tuple(
+            tuple(changes[k] for _, changes in runs) for k in range(len(towards))
+        )
+
+    def _values(self, parts: SystemParts) -> dict[str, float]:
+        values = {name: one.value for names in self.file.tables.values() for name, one in names.items()}
+        for change in parts.changes:
+            stated_number(self.file, change.place, change.name)
+            values[change.name] = change.value
+        return values
+
+    def _called(self, drive: Drive, values: Mapping[str, float]) -> Mapping[str, Any]:
+        """Return what the function gives for a run; raise `UserError` if it fails."""
+        at = {name: in_library(self.file.library, value) for name, value in values.items()}
         try:
-            found = simulate(history.time_s.copy(), inputs, dict(values), **more)
-        except Exception as error:  # the user's code may raise anything
+            return self._readings(drive, at)
+        except UserError:
+            raise
+        except (Exception, SystemExit) as error:  # the user's code may raise anything
             raise UserError(
-                f"{where}: simulate fails in run '{history.run}' ({describe_error(error)})."
+                f"{self._place(error)}: simulate fails in run '{drive.history.run}' ({describe_error(error)})."
             ) from error
+
+    def _readings(self, drive: Drive, at: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the outputs that the function gives, in arrays of its library."""
+        where, history, library = self.file.where, drive.history, self.file.library
+        simulate = self.file.simulate
+        assert history.time_s is not None
+        time_s = in_library(library, history.time_s.copy())
+        inputs = {name: in_library(library, v.copy()) for name, v in history.actuation.items()}
+        more = {"first": dict(drive.first)} if _takes_first(simulate) else {}
+        with np.errstate(all="ignore"):  # a run that diverges is reported once, not at every step
+            found = simulate(time_s, inputs, dict(at), **more)
         if not isinstance(found, Mapping):
             raise UserError(
-                f"{where}: simulate returns {type(found).__name__}; return a dict of arrays by output."
+                f"{where}: simulate returns {_article(found)}; return a dict of arrays by output, such as "
+                f"{{'{self.outputs[0].name}': values}}."
             )
-        readings: SystemReadings = {}
         for channel in self.outputs:
             if channel.name not in found:
-                raise UserError(f"{where}: simulate returns no '{channel.name}', which OUTPUTS has.")
-            readings[channel.name] = self._checked(
-                channel.name, found[channel.name], len(history), history.run
-            )
-        return readings
+                has = ", ".join(map(str, found)) or "nothing"
+                raise UserError(
+                    f"{where}: simulate returns no '{channel.name}', which OUTPUTS has; it returns {has}."
+                )
+        return {channel.name: found[channel.name] for channel in self.outputs}
 
-    def _checked(self, name: str, values: Any, n: int, run: str) -> Array:
-        found = np.asarray(values, float)
-        if found.shape != (n,):
-            raise UserError(
-                f"{shown(self.config.file)}: simulate returns '{name}' of shape {found.shape} in run '{run}', which "
-                f"has {n} samples; return an array ({n},)."
-            )
-        return np.where(np.maximum.accumulate(~np.isfinite(found)), np.nan, found)
+    def _checked(self, drive: Drive, readings: Mapping[str, Any]) -> SystemReadings:
+        """Return the readings of a run as arrays of numpy, NaN from the first that is not finite."""
+        n, checked = len(drive.history), {}
+        for name, values in readings.items():
+            try:
+                found = as_array(values)
+            except (TypeError, ValueError):
+                raise UserError(
+                    f"{self.file.where}: simulate returns '{name}' as {_article(values)} that is no array of numbers; "
+                    f"return {n} numbers."
+                ) from None
+            if found.shape != (n,):
+                raise UserError(
+                    f"{self.file.where}: simulate returns '{name}' of shape {found.shape} in run "
+                    f"'{drive.history.run}', which has {n} samples; return an array ({n},)."
+                )
+            checked[name] = np.where(np.maximum.accumulate(~np.isfinite(found)), np.nan, found)
+        return checked
 
-    def remarks(self, drives: Sequence[Drive]) -> tuple[str, ...]:
-        """Return nothing."""
-        return ()
+    def _place(self, error: BaseException) -> str:
+        return place_of(self.config.file, error)
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return the digest of the file."""
         return {"file": digest(self.config.file)}
 
 
-class ModelValue(EffectConfig):
-    """A number of the model at another value."""
-
-    kind: str = Field(
-        "parameter@name", pattern=f"^({PARAMETER}|{STATE}){AT}.+$", examples=["parameter@stiffness"]
-    )
-    value: float = parameter(
-        unit="1", neutral=0.0, bounds=(-1e300, 1e300), plausible=(-1.0, 1.0), example=1.0
-    )
-    """value of the parameter, in the unit of the file"""
+def _takes_first(function: Any) -> bool:
+    try:
+        return "first" in inspect.signature(function).parameters
+    except (TypeError, ValueError):  # a compiled function
+        return False
 
 
-class NamedValue(SystemEffect):
-    """A number of the model's file at another value than the file states."""
-
-    config: ModelValue
-    name: str = ""
-    value: float = 0.0
-
-    def act(self, parts: SystemParts) -> SystemParts:
-        """Return the parts with the value."""
-        name = self.config.kind.partition(AT)[2]
-        if not name:
-            raise UserError(f"effect '{self.config.kind}' needs a name: '{self.config.kind}{AT}stiffness'")
-        return parts.with_change(_Value(name, self.config.value))
-
-
-class _Value:
-    """A value by name."""
-
-    def __init__(self, name: str, value: float) -> None:
-        self.name, self.value = name, value
-
-
-class ParameterValue(NamedValue):
-    """A parameter that differs from the file's value."""
-
-    place = "parameter"
-    notes = EffectNotes(
-        signature="a number of the model differs from its stated value.",
-        inspection="measure the quantity itself.",
-        excitation="runs in which the quantity matters: see the model.",
-        where="models with PARAMETERS.",
-    )
-
-
-class StateEffect(NamedValue):
-    """An effect of the state that the file declares and leaves out by default."""
-
-    place = "state"
-    notes = EffectNotes(
-        signature="as the model's file describes it.",
-        inspection="as the model's file describes it.",
-        excitation="runs in which the effect acts: see the model.",
-        where="models with MISSING.",
-    )
+def _article(value: Any) -> str:
+    """Return the type of a value with its article: ``a list``, ``an ndarray``, ``None``."""
+    name = type(value).__name__
+    return "None" if value is None else f"a{'n' if name[0].lower() in 'aeiou' else ''} {name}"

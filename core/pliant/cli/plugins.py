@@ -45,6 +45,7 @@ EXAMPLES = {
     "fem": ('{"pressure_max": "8 kPa"}', "states of a rod by its closed form"),
     "material": ('{"c10": "60 kPa", "c20": "5 kPa"}', "Yeoh rubber, nearly incompressible"),
     "meta_model": ("{}", "terms quadratic in the design's parameters, by least squares"),
+    "model": ("{}", "a hinge with a spring and a damper"),
     "optimizer": ("{}", "uniform random search"),
     "physics": ("{}", "equilibria by plain Newton, for short chains"),
     "surrogate": ("{}", "linear law by least squares"),
@@ -111,11 +112,16 @@ def check(
         typer.Option("--clause", metavar="NAME", help="Run this check alone, may be repeated."),
     ] = None,
     file: PluginFiles = None,
+    model: Annotated[
+        str, typer.Option("--model", metavar="KIND", help="Of an effect: the kind of model that it changes.")
+    ] = "",
 ) -> None:
     """Run the conformance suite of an interface on a plugin."""
     from pliant.testing import run_checks
 
     session.registry = with_files(session.registry, file or ())
+    if model or kind not in session.registry.kinds(interface):  # an effect of users' own models alone
+        session.registry = session.registry.for_model(model)
     known = interfaces()
     if interface not in known:
         raise UserError(

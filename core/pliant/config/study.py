@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -147,7 +148,9 @@ class Study(FrozenModel):
 
     def registry(self, installed: Registry) -> Registry:
         """Return the registry with the study's own plugin files, and the effects of its kind of model."""
-        return with_files(installed, self.plugins).for_model(self.model_kind)
+        found = with_files(installed, self.plugins)
+        words = None if self.model is None else partial(_words, found, self.model)
+        return found.for_model(self.model_kind, words=words)
 
     def stand_at(self, places: Places) -> None:
         """Keep the places where the keys were written, for messages; its measurements keep their own."""
@@ -223,6 +226,11 @@ class Study(FrozenModel):
 
     def _task_has_noise(self) -> bool:
         return self.task is not None and "noise" in type(self.task).model_fields
+
+
+def _words(registry: Registry, model: ModelConfig, kind: str) -> str:
+    """Return a model's own words on an effect at one of its places."""
+    return str(registry.get("model", model.kind).build(model).words(kind))
 
 
 def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:

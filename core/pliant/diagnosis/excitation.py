@@ -128,6 +128,15 @@ def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
     return np.where(there, change, 0.0), np.where(there[:, None], slopes, 0.0), snr
 
 
+def explained_by(residual: Array, shown: Excitation) -> float:
+    """Return the sum of squares of a residual (N,) that an effect's change and slopes explain to first order."""
+    columns = np.column_stack([shown.change, shown.slopes])
+    there = np.isfinite(residual) & np.isfinite(columns).all(axis=1)
+    left, sizes, _ = np.linalg.svd(columns[there], full_matrices=False)
+    along = left[:, sizes > SMALLEST * sizes.max(initial=0.0)].T @ residual[there]
+    return float(along @ along)
+
+
 def not_excited(excitations: Mapping[str, Excitation], thresholds: EvidenceThresholds) -> tuple[str, ...]:
     """Return kinds whose change stays below the limit at every plausible strength."""
     return tuple(kind for kind, one in excitations.items() if one.snr < thresholds.excited)

@@ -25,7 +25,7 @@ from pliant.diagnosis.law_posterior import law_error_prior
 from pliant.diagnosis.learned_forms import KIND
 from pliant.diagnosis.learned_term import LearnedTerm
 from pliant.diagnosis.learned_words import depends_on
-from pliant.diagnosis.left_out import assign_blocks, condition_indices, heldout_residual
+from pliant.diagnosis.left_out import assign_blocks, condition_indices, heldout_residual, specimen_indices
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.posterior import Posterior, laplace_posterior
 from pliant.diagnosis.readings import ReadingVector, Score, readings_over_floor, score
@@ -65,6 +65,7 @@ class Extension:
             extension, held out likewise. None with one condition only.
         left_out_runs: the same run by run; repeats of the held-out run are then fitted. Of a single run,
             blocks are held out (`assign_blocks`).
+        left_out_specimens: the same with all runs of a specimen held out; None with one specimen only.
         posterior: of the fitted parameters, about `values`.
         scatter: of single readings about the model, by output.
         exploration: of the posterior by draws; None for a fit without profile intervals.
@@ -83,6 +84,7 @@ class Extension:
     residuals: Residuals
     left_out: Residuals | None
     left_out_runs: Residuals
+    left_out_specimens: Residuals | None
     posterior: Posterior
     scatter: Mapping[str, ReadingScatter]
     exploration: Exploration | None = None
@@ -200,6 +202,7 @@ def extend(
         left_out=_left_out(readings, fit, without.conditions, condition),
         left_out_runs=_left_out(readings, fit, without.runs, np.arange(readings.n_runs))
         or readings.unpack(heldout_residual(fit, assign_blocks(readings), without.runs, exact_law=True)),
+        left_out_specimens=_left_out(readings, fit, without.runs, specimen_indices(ground.measurement.runs)),
         posterior=posterior.about(values),
         scatter=reading_scatter(noise, after, len(fit.x)),
         exploration=explore(fitter, posterior, scale, fit.parts, law=fit.law) if profiles else None,

@@ -118,13 +118,14 @@ class Fitter:
         shipped = tuple(sorted(name for name in modules if not name.startswith(FILE_MODULE)))
         self.code = shipped, code_of(shipped)
 
-    def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool]) -> EffectFit:
+    def fit_from(self, asked: tuple[EffectSet, Sequence[Array], int, bool, int | None]) -> EffectFit:
         """Call `fit` with these arguments as one item of a `JobQueue`; raise `UserError` if the code differs.
 
         The law's error has its sensitivities at the unchanged model; `with_own_law_error_from` gives the fit its own.
         """
         self._check_code()
-        return self.fit(*asked, own_law_error=False)
+        candidate, starts, parts, refine, iterations = asked
+        return self.fit(candidate, starts, parts, refine, own_law_error=False, iterations=iterations)
 
     def with_own_law_error_from(self, fit: EffectFit) -> EffectFit:
         """Call `with_own_law_error` as one item of a `JobQueue`, as `fit_from`."""
@@ -163,6 +164,7 @@ class Fitter:
         refine: bool = True,
         law: LawError | None = None,
         own_law_error: bool = True,
+        iterations: int | None = None,
     ) -> EffectFit:
         """Return the best of fits from several starts; short trials decide which one is finished.
 
@@ -175,8 +177,9 @@ class Fitter:
             refine: continue in finer steps from there, if they change the prediction.
             law: sensitivities and size of the law's error for the fit; its own by default.
             own_law_error: whether a fit without `law` gets the sensitivities at its own point at the end.
+            iterations: steps at most; `MOST_ITERATIONS` by default.
         """
-        found = self._fit(candidate, starts or candidate.starts(), parts, law)
+        found = self._fit(candidate, starts or candidate.starts(), parts, law, iterations)
         found = self._in_finer_steps(found, law) if refine else found
         return self.with_own_law_error(found) if law is None and own_law_error else found
 

@@ -98,7 +98,7 @@ CLOSINGS = {
 
 @dataclass(frozen=True, eq=False)
 class _Draft:
-    """A step before the floor is known: residuals of all runs, and of left-out training runs.
+    """A step before the floor is known: residuals of all runs, and of left-out training runs and specimens.
 
     `on`: the runs on which the step's fall of the error is reported, once all steps have one floor; empty for none.
     """
@@ -108,6 +108,7 @@ class _Draft:
     why: str
     residuals: Residuals
     left_out: Residuals
+    left_out_specimens: Residuals
     stands_for: Kinds = ()
     cause: Cause = ""
     learned: LearnedTerm | None = None
@@ -182,7 +183,7 @@ class _Walk:
         self.mistakes: tuple[Mistake, ...] | None = None  # of the record, by the original model
         plain = self.ground.residuals(self.effects)
         whole = self._residuals(self.effects)
-        self.drafts = [_Draft((), self.effects, self._seen(), whole, plain)]
+        self.drafts = [_Draft((), self.effects, self._seen(), whole, plain, plain)]
 
     def go(self, most_steps: int, named_only: bool) -> tuple[str, str]:
         """Take steps; return the verdict that stopped them, and the reason if it is not a verdict."""
@@ -227,8 +228,9 @@ class _Walk:
         found = extend(self.ground, self.effects, self.added, forms=self.forms)
         last = self.drafts.pop()
         residuals = self._residuals(found.effects)
-        left = found.left_out_runs
-        self.drafts.append(replace(last, effects=found.effects, residuals=residuals, left_out=left))
+        left, specimens = found.left_out_runs, found.left_out_specimens or found.left_out_runs
+        new = replace(last, effects=found.effects, residuals=residuals, left_out=left)
+        self.drafts.append(replace(new, left_out_specimens=specimens))
         self.effects = found.effects
         return found
 
@@ -265,7 +267,7 @@ class _Walk:
             len(run) for run in self.ground.measurement.runs
         ]
         left = found.readings.unpack(term.left_out) if whole else self.ground.residuals(effects)
-        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, cause="law", learned=term))
+        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, left, cause="law", learned=term))
         return True
 
     def learn(self) -> bool:
@@ -288,7 +290,9 @@ class _Walk:
         )
         why = f"{described(found)[:1].upper() + described(found)[1:]} {fall}"
         left = readings.unpack(found.left_out)
-        self.drafts.append(_Draft((LEARNED,), effects, why, residuals, left, cause="learned", learned=found))
+        self.drafts.append(
+            _Draft((LEARNED,), effects, why, residuals, left, left, cause="learned", learned=found)
+        )
         return True
 
     def _residuals(self, effects: Sequence[EffectConfig]) -> Residuals:
@@ -309,18 +313,19 @@ class _Walk:
         return self.last
 
     def _gains(self, whole: Extension) -> bool:
-        """Return whether left-out training runs improve beyond the uncertainty, and left-out conditions do not worsen.
+        """Return whether left-out runs improve beyond the uncertainty, and no left-out condition or specimen worsens.
 
         If only one condition shows an effect, it stays in their fit.
         """
         floors, usual = whole.noise.floors, self.ground.readings(self.effects).scales
         scales = {k: floors[k].value if floors[k].value > 0.0 else scale for k, scale in usual.items()}
         conditions = whole.left_out or whole.residuals
-        before, after, unseen = block_squares(
-            (self.drafts[-1].left_out, whole.left_out_runs, conditions), scales
-        )
+        last, specimens = self.drafts[-1], whole.left_out_specimens or whole.left_out_runs
+        models = (last.left_out, whole.left_out_runs, conditions, last.left_out_specimens, specimens)
+        before, after, unseen, known, other = block_squares(models, scales)
         gain = prediction_gain(before, after)
         no_worse = unseen.sum() < (1.0 + LEAST_GAIN) ** 2 * before.sum()
+        no_worse = no_worse and other.sum() < (1.0 + LEAST_GAIN) ** 2 * known.sum()
         no_worse = no_worse and not _worsened(self.drafts[-1].left_out, whole.left_out_runs)
         return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
 
@@ -339,9 +344,10 @@ class _Walk:
         on = "blocks of the run that are" if alone else "training runs that are"
         residuals = self._residuals(self.effects)
         why = f"{proposal.why(kind, self.context.registry)} {FALL} {self._seen()}"
-        group = proposal.stands_for
+        left, specimens = found.left_out_runs, found.left_out_specimens or found.left_out_runs
+        group, cause = proposal.stands_for, proposal.cause
         self.drafts.append(
-            _Draft((kind,), self.effects, why, residuals, found.left_out_runs, group, proposal.cause, on=on)
+            _Draft((kind,), self.effects, why, residuals, left, specimens, group, cause, on=on)
         )
 
     def _seen(self) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.law_discrepancy import LawErrorBasis, LawReference
 from pliant.diagnosis.learned_forms import SeenMotion
 from pliant.diagnosis.learned_term import LearnedTerm
-from pliant.diagnosis.left_out import assign_blocks, heldout_residual
+from pliant.diagnosis.left_out import assign_blocks, heldout_residual, specimen_indices
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
 from pliant.evidence.measured_model import MeasuredModel
@@ -92,7 +93,7 @@ def law_off(
         actuation=0.0 if level is None else float(level[sample]),
         reading=float(readings.values[worst]) * readings.scales[output],
         share=max(1.0 - left / max(raw, 1e-300), 0.0),
-        term=_term(predictor, readings, basis, fit, noise, drive),
+        term=_term(predictor, measurement, readings, fit, basis, noise),
     )
 
 
@@ -108,16 +109,16 @@ def _visited(predictor: Predictor, basis: LawErrorBasis, coefficient: Array) -> 
 
 def _term(
     predictor: Predictor,
+    measurement: Measurement,
     readings: ReadingVector,
-    basis: LawErrorBasis,
     fit: EffectFit,
+    basis: LawErrorBasis,
     noise: NoiseView,
-    drive: str,
 ) -> LearnedTerm:
-    """Return the law's error of a fit as a learned term, judged on held-out readings."""
+    """Return the law's error of a fit as a learned term, judged on held-out specimens, runs, or blocks of a run."""
     assert fit.law is not None
-    by_run = len(np.unique(readings.run)) > 2
-    folds = readings.fold if by_run else assign_blocks(readings)
+    drive = predictor.chain.actuators[0].input
+    folds, on = _folds(measurement, readings)
     without = heldout_residual(fit, folds, exact_law=True)
     left = heldout_residual(fit, folds)
     root = np.sqrt(fit.law.precision) * fit.law.size * (basis.directions @ fit.law.posterior_root())
@@ -145,8 +146,18 @@ def _term(
         left_out=left,
         tried=1,
         drive=drive,
-        on="runs left out" if by_run else "blocks left out",
+        on=on,
     )
+
+
+def _folds(measurement: Measurement, readings: ReadingVector) -> tuple[NDArray[np.intp], str]:
+    """Return (N,) the fold of each reading, and what is left out."""
+    specimens = specimen_indices(measurement.runs)[readings.run]
+    if len(np.unique(specimens)) > 1:
+        return specimens, "specimens left out"
+    if len(np.unique(readings.run)) > 2:
+        return readings.fold, "runs left out"
+    return assign_blocks(readings), "blocks left out"
 
 
 def _place(readings: ReadingVector, output: str, index: int) -> tuple[int, int]:

@@ -6,18 +6,14 @@ place alone, too, as hypotheses of their own: first to first order (Rao's score 
 
 from __future__ import annotations
 
-import numpy as np
-
 from pliant.diagnosis.evidence_table import NOTHING, log_evidence
-from pliant.diagnosis.excitation import Excitation, applicable, excitations
+from pliant.diagnosis.excitation import Excitation, applicable, excitations, explained_by
 from pliant.diagnosis.search import HypothesisSearch
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.execution.executors import Executor
-from pliant.records.design import Array
 
 # Leading kinds whose places are tried, and how many kinds at single places are fitted.
 LEADING, MOST_FITTED = 4, 8
-SHORT = 1e-9
 
 
 def kinds_at_places(
@@ -40,15 +36,6 @@ def kinds_at_places(
     nothing = search.fits[NOTHING]
     kinds, _ = applicable(search.registry, search.fitter, asked, executor)
     shown = excitations(search.registry, search.fitter, nothing, kinds, executor)
-    gains = {kind: _explained(nothing.residual, one) for kind, one in shown.items()}
+    gains = {kind: explained_by(nothing.residual, one) for kind, one in shown.items()}
     chosen = sorted(gains, key=lambda kind: -gains[kind])[:MOST_FITTED]
     return chosen, {kind: shown[kind] for kind in chosen}
-
-
-def _explained(residual: Array, shown: Excitation) -> float:
-    """Return the sum of squares of a residual (N,) that an effect's change and slopes explain to first order."""
-    columns = np.column_stack([shown.change, shown.slopes])
-    there = np.isfinite(residual) & np.isfinite(columns).all(axis=1)
-    left, sizes, _ = np.linalg.svd(columns[there], full_matrices=False)
-    along = left[:, sizes > SHORT * sizes.max(initial=0.0)].T @ residual[there]
-    return float(along @ along)

@@ -34,7 +34,7 @@ from pliant.diagnosis.evidence_table import (
     room_above_floor,
     sorted_kinds,
 )
-from pliant.diagnosis.excitation import Excitation
+from pliant.diagnosis.excitation import Excitation, explained_by
 from pliant.diagnosis.fitting import MOST_LOST, Fitter
 from pliant.diagnosis.left_out import condition_indices, heldout_residual
 from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
@@ -50,6 +50,8 @@ MOST_EFFECTS = 3
 # Number of highest-ranked sets of one size that are fitted; and of each kind of neighbours of the best one.
 SCREENED = 10
 EXCHANGED = 3
+# The same without derivatives, where fits cost more; singles that are fitted to their end, and steps of the others.
+SCREENED_BY_DIFFERENCES, LIKELY, UNLIKELY_ITERATIONS = 4, 12, 2
 # Number of leading singles that are tried with every other effect.
 PAIRED = 10
 # Number of leading sets of their size whose forms are varied.
@@ -67,6 +69,8 @@ OUT_OF_LAW_REACH = 15.0
 SCREENING_STEPS = 2
 
 Tick = Callable[[str], None]
+# A candidate, its starts, steps from sample to sample, whether to refine them, and iterations at most.
+Job = tuple[EffectSet, list[Array], int, bool, int | None]
 
 
 @dataclass(eq=False)
@@ -89,12 +93,22 @@ class HypothesisSearch:
         repeats = [group.runs for group in self.groups]
         self._noise: tuple[EffectFit, NoiseView] | None = None
         self._imitated: set[Kinds] = set()  # sets with an effect that the law's own error imitates
+        self._unlikely: set[Kinds] = set()  # singles that explain little to first order
         self._own: set[Kinds] = set()  # fits with the law's error at their own point
         self.condition = condition_indices(len(self.measurement.runs), repeats)
 
     def fit_singles(self, kinds: Sequence[str]) -> None:
-        """Fit the unchanged model, and each of these kinds alone."""
+        """Fit the unchanged model, and each of these kinds alone.
+
+        Without derivatives every step costs many simulations: kinds that explain little of the error to first order
+        (Rao's score test, 1948) are given a few steps only.
+        """
         self._fit([NOTHING])
+        if not self.fitter.predictor.has_derivatives:
+            residual = self.fits[NOTHING].residual
+            gains = {kind: explained_by(residual, self.shown[kind]) for kind in kinds}
+            ranked = sorted(gains, key=lambda kind: -gains[kind])
+            self._unlikely = {(kind,) for kind in ranked[LIKELY:]}
         self._fit([(kind,) for kind in kinds])
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
@@ -162,10 +176,11 @@ class HypothesisSearch:
     def _forward_step(self, directions: Directions, n_kinds: int) -> None:
         """Fit sets of two and more effects, while the best of a size improves on smaller ones and may be improved."""
         plain = self.fitter.whitened(self.fits[NOTHING].raw)
+        screened = SCREENED if self.fitter.predictor.has_derivatives else SCREENED_BY_DIFFERENCES
         for size in range(2, min(MOST_EFFECTS, n_kinds) + 1):
             before = self._best([key for key in self.fits if len(key) < size])
-            sets = directions.highest_ranked(plain, size, SCREENED)
-            if size == 2:
+            sets = directions.highest_ranked(plain, size, screened)
+            if size == 2 and self.fitter.predictor.has_derivatives:
                 sets += self._pairs(directions.kinds)
             beside = [key for key in self.fits if len(key) == size - 1]
             sets += self._larger(self._best(beside), directions)
@@ -193,7 +208,7 @@ class HypothesisSearch:
         asked = [EffectSet.from_kinds(self.registry, kinds, kinds) for kinds in tried]
         starts = [one.starts(self.fits[kinds].named)[:1] for one, kinds in zip(asked, tried, strict=True)]
         jobs = zip(asked, starts, map(self._steps, tried), strict=True)
-        found = dict(zip(tried, self._fitted([(*job, False) for job in jobs]), strict=True))
+        found = dict(zip(tried, self._fitted([(*job, False, None) for job in jobs]), strict=True))
         n = table.noise.n_effective
         plain_ones = {kinds: (self.fits[kinds], self.rows[kinds]) for kinds in tried}
         kept = [kinds for kinds in tried if self._keep_if_it_pays(kinds, found[kinds], n)]
@@ -212,7 +227,7 @@ class HypothesisSearch:
             self.tick(" + ".join(kinds) + ", relatives")
         return leading
 
-    def _fitted(self, jobs: Sequence[tuple[EffectSet, list[Array], int, bool]]) -> list[EffectFit]:
+    def _fitted(self, jobs: Sequence[Job]) -> list[EffectFit]:
         """Return the fits of these jobs, in their order."""
         with JobQueue(self.executor, self.fitter.fit_from) as queue:
             return [one.unwrap() for one in queue.each(jobs)]
@@ -309,10 +324,11 @@ class HypothesisSearch:
             self._keep(kinds, fit, self.rows[kinds].form_price)
             self._own.add(kinds)
 
-    def _job(self, candidate: EffectSet, starts: list[Array]) -> tuple[EffectSet, list[Array], int, bool]:
+    def _job(self, candidate: EffectSet, starts: list[Array]) -> Job:
         """Return the job of a candidate: larger sets start with few steps, and are refined later if they lead."""
         steps, large = self._steps(candidate.kinds), len(candidate.kinds) > 1
-        return candidate, starts, min(steps, SCREENING_STEPS) if large else steps, not large
+        iterations = UNLIKELY_ITERATIONS if candidate.kinds in self._unlikely else None
+        return candidate, starts, min(steps, SCREENING_STEPS) if large else steps, not large, iterations
 
     def _keep(self, kinds: Kinds, fit: EffectFit, price: float) -> None:
         self.fits[kinds] = fit

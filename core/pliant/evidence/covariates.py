@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import NamedUnit, displayed_in, named_unit, number, output_unit
+from pliant.formatting import NamedUnit, displayed_in, named_unit, number, output_unit, stem_and_unit
 from pliant.measurements.effective import run_clock
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -188,12 +188,13 @@ def _add_actuation(add: Callable[..., None], runs: Sequence[MeasuredRun]) -> Non
         return
     moving = [name for name in names if any(np.ptp(v) > 0 for v in levels[name] if len(v))]
     lead = (moving or names)[0]
-    label, unit = output_unit(lead).label, lead.rsplit("_", 1)[-1]
+    shown, (stem, si) = output_unit(lead), stem_and_unit(lead)
+    label, unit = shown.label, (lead.removeprefix(stem) if si else lead.rsplit("_", 1)[-1]).strip("_")
     found = [phases(v, run.history.time_s) for v, run in zip(levels[lead], runs, strict=True)]
     ways = (f"rising {label}", f"held {label}", f"falling {label}")
     add("direction", named_unit(f"direction of {label} change"), (1 - f.direction for f in found), *ways)
     if all(run.history.time_s is not None for run in runs):
-        rate = replace(output_unit(f"{lead}_s"), label=f"{label} rate")
+        rate = NamedUnit(f"{shown.symbol or 1}/s", shown.factor, label=f"{label} rate")
         add(f"rate_{unit}_s", rate, (f.rate for f in found), rest=f"held {label}")
         add("hold_s", named_unit("time in hold", "s"), (f.hold_s for f in found), rest=f"{label} in motion")
     past = replace(output_unit(lead), label=f"largest {label} so far")

@@ -3,7 +3,8 @@
 Effects change the signals or the parts of the system. The system simulates the runs, and the maps of the readings act
 on its outputs. Derivatives are differences whose steps follow from their own errors: a difference over a step s has the
 error a / s + b s, by the noise of the simulation and by curvature, and the step is taken at which differences over
-neighbouring steps agree best (Press et al., Numerical Recipes, 3rd ed., 5.7).
+neighbouring steps agree best (Press et al., Numerical Recipes, 3rd ed., 5.7). A system may have its own derivatives in
+what is inside it (`SystemModel.vary`).
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ from pliant.records.measurement import MeasuredRun, Measurement
 MOST_PLACES = 40
 # Steps of a difference, as multiples of the step that the fit asks for.
 FACTORS = (1.0, 10.0, 100.0)
+# Places of effects outside the system.
+SIGNALS = ("input", "output")
 
 
 class DrivenModel(MeasuredModel):
@@ -48,7 +51,7 @@ class DrivenModel(MeasuredModel):
         measurement: Measurement,
         effects: Sequence[EffectConfig] = (),
     ) -> None:
-        registry = context.registry.for_model(system.config.kind, system.adapted)
+        registry = context.registry.for_model(system.config.kind, system.adapted, system.words)
         self.context = replace(context, registry=registry)
         self.system, self.measurement, self.effects = system, measurement, tuple(effects)
         self._magnitudes = largest_magnitudes(measurement)
@@ -90,6 +93,11 @@ class DrivenModel(MeasuredModel):
     def attachments(self) -> Mapping[str, tuple[str, ...]]:
         """Return inputs, outputs, and the attachment points of the system."""
         return {**super().attachments, **self.system.attachments}
+
+    @property
+    def no_state(self) -> str:
+        """Return the sentence on a model without a finite reading."""
+        return "the model has no finite reading in any measured run; it diverges there, or returns NaN"
 
     @property
     def threads(self) -> bool:
@@ -170,8 +178,46 @@ class DrivenModel(MeasuredModel):
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """Return the prediction, and its first-order changes under small changes of the effects' parameters."""
-        base = self.evaluate(effects)
-        return base, tuple(self._difference(base, effects, other) for other in towards)
+        own = [k for k, other in enumerate(towards) if self._is_of_system(effects, other)]
+        known = self._derivatives(effects, [towards[k] for k in own]) if own else None
+        if known is None:
+            base = self.evaluate(effects)
+            return base, tuple(self._difference(base, effects, other) for other in towards)
+        base, found = known
+        changes = dict(zip(own, found, strict=True))
+        return base, tuple(
+            changes[k] if k in changes else self._difference(base, effects, other)
+            for k, other in enumerate(towards)
+        )
+
+    def _is_of_system(self, effects: Sequence[EffectConfig], other: Sequence[EffectConfig]) -> bool:
+        """Return whether what changes is inside the system: no map of its inputs or readings."""
+        kinds = [after.kind for before, after in zip(effects, other, strict=True) if before != after]
+        get = self.context.registry.get
+        return bool(kinds) and all(
+            get("effect", kind).implementation_class().place not in SIGNALS for kind in kinds
+        )
+
+    def _derivatives(
+        self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
+    ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]] | None:
+        """Return the prediction and its changes by the system's own derivatives; None where it has none.
+
+        The maps of the readings act on the changed readings, whose steps are small.
+        """
+        self.heed()
+        parts = self._changed(self._base, effects)
+        drives = self._drives(parts, None)
+        found = self.system.vary(parts, [self._changed(self._base, other) for other in towards], drives)
+        if found is None:
+            return None
+        at, changes = found
+        base = self._read(parts, drives, at)
+        moved = [
+            self._read(parts, drives, [_moved(a, by) for a, by in zip(at, change, strict=True)])
+            for change in changes
+        ]
+        return Prediction(base, failed_samples(base)), tuple(differences(base, one) for one in moved)
 
     def _difference(
         self, base: Prediction, effects: Sequence[EffectConfig], towards: Sequence[EffectConfig]
@@ -236,6 +282,10 @@ def _steps(
                     steps[factor] = (*effects[:k], changed, *effects[k + 1 :])
             return (before.kind, one.name), steps
     return ("", ""), {1.0: tuple(towards)}
+
+
+def _moved(readings: RunReadings, change: RunReadings) -> RunReadings:
+    return {name: values + change[name] for name, values in readings.items()}
 
 
 def _scaled(runs: Sequence[RunReadings], factor: float) -> tuple[RunReadings, ...]:

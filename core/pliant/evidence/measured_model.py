@@ -68,6 +68,11 @@ class MeasuredModel(ABC):
         return False
 
     @property
+    def has_derivatives(self) -> bool:
+        """Return whether `vary` costs less than as many predictions, so that a search may ask for many derivatives."""
+        return False
+
+    @property
     def modules(self) -> tuple[str, ...]:
         """Return the modules whose code determines a prediction, besides Pliant's."""
         return ()

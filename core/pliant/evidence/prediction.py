@@ -191,6 +191,11 @@ class Predictor(MeasuredModel):
         return self.backend.capabilities.threads
 
     @property
+    def has_derivatives(self) -> bool:
+        """Return true: engines carry derivatives along."""
+        return True
+
+    @property
     def modules(self) -> tuple[str, ...]:
         """Return the module of the engine."""
         return (type(self.backend).__module__,)

@@ -150,6 +150,10 @@ class SystemModel(Configured[ModelConfig]):
         """
         return declared
 
+    def words(self, kind: str) -> str:
+        """Return what an effect at places of this model is in words, instead of its package's summary; "" for that."""
+        return ""
+
     def default_kinds(self, kinds: Sequence[str]) -> list[str]:
         """Return the kinds of effects that a diagnosis tries first, among all kinds for this kind of model."""
         return list(kinds)
@@ -163,6 +167,16 @@ class SystemModel(Configured[ModelConfig]):
         Raises:
             UserError: the model cannot simulate these runs at all.
         """
+
+    def vary(
+        self, parts: SystemParts, towards: Sequence[SystemParts], drives: Sequence[Drive]
+    ) -> tuple[tuple[SystemReadings, ...], tuple[tuple[SystemReadings, ...], ...]] | None:
+        """Return the readings as `simulate` does, and their derivatives from `parts` towards each of the others.
+
+        The others differ from `parts` in their `changes` only. None where the model has no derivatives: differences of
+        `simulate` then stand for them.
+        """
+        return None
 
     def remarks(self, drives: Sequence[Drive]) -> tuple[str, ...]:
         """Return sentences on these runs that limit a comparison, such as contacts that chatter."""

@@ -33,6 +33,8 @@ from pliant.registry.stored_record import StoredRecord, stored_records
 CHAIN = "chain"
 # (kind of effect, declared parameter) → the parameter of a model.
 Adapted = Callable[[str, EffectParameter], EffectParameter]
+# kind of effect → the model's own words on it, "" without
+Words = Callable[[str], str]
 # Contract number → changes that a plugin of the previous number needs.
 CHANGES = {
     2: "an effect declares each parameter once, as a field of its config by `parameter(…)`, and no longer in a list "
@@ -63,6 +65,7 @@ class Registry:
         clashes: interface and kind → the places of kinds that are defined twice.
         model: the kind of model whose effects are meant, "" for all; several kinds may have effects of one name.
         adapted: gives a declared parameter of an effect, by its kind, the plausible range for the model at hand.
+        words: gives an effect at a place of the model at hand, by its kind, the model's own summary.
     """
 
     components: tuple[Component, ...]
@@ -70,10 +73,11 @@ class Registry:
     clashes: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
     model: str = CHAIN
     adapted: Adapted | None = None
+    words: Words | None = None
 
-    def for_model(self, kind: str, adapted: Adapted | None = None) -> Registry:
+    def for_model(self, kind: str, adapted: Adapted | None = None, words: Words | None = None) -> Registry:
         """Return the registry with the effects of this kind of model, their parameters adapted to the model at hand."""
-        return replace(self, model=kind, adapted=adapted)
+        return replace(self, model=kind, adapted=adapted, words=words)
 
     def by_interface(self, interface: str) -> tuple[Component, ...]:
         """Return the components of one interface, sorted by kind; of effects those for the kind of model."""
@@ -93,6 +97,11 @@ class Registry:
         adapt = self.adapted
         return declared if adapt is None else tuple(adapt(kind, one) for one in declared)
 
+    def _at_place(self, component: Component, kind: str) -> Component:
+        """Return an effect with the places behind its kind, in the model's words."""
+        words = self.words(kind) if self.words else ""
+        return replace(component, kind=kind, summary=words or component.summary)
+
     def kinds(self, interface: str) -> list[str]:
         """Return the kinds of one interface."""
         return [component.kind for component in self.by_interface(interface)]
@@ -106,7 +115,9 @@ class Registry:
         plain, at, pattern = kind.partition(AT) if interface == "effect" else (kind, "", "")
         for component in self.components:
             if (component.interface, component.kind) == (interface, plain) and self._is_meant(component):
-                return replace(component, kind=kind) if at and pattern and self.model != CHAIN else component
+                return (
+                    self._at_place(component, kind) if at and pattern and self.model != CHAIN else component
+                )
         for failure in self.failures:
             if (interface, kind) in failure.kinds:
                 raise UserError(f"{interface} '{kind}' of {failure.package} cannot be used: {failure.cause}.")

@@ -68,7 +68,7 @@ def load_components(file: Path) -> list[Component]:
         try:
             return ask(module, package)
         except Exception as error:  # a hook may raise anything
-            raise UserError(f"{_place(file, error)}: {HOOK} fails ({describe_error(error)}).") from error
+            raise UserError(f"{place_of(file, error)}: {HOOK} fails ({describe_error(error)}).") from error
     own = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == module.__name__]
     effects = [c for c in own if issubclass(c, Effect) and not inspect.isabstract(c)]
     if not effects:
@@ -124,7 +124,7 @@ def load_module(file: Path) -> ModuleType:
     except BaseException as error:  # user code may raise anything, even SystemExit
         sys.modules.pop(name)
         raise UserError(
-            f"{_place(file, error)}: the file fails when it is loaded ({describe_error(error)})."
+            f"{place_of(file, error)}: the file fails when it is loaded ({describe_error(error)})."
         ) from error
     return module
 
@@ -194,7 +194,7 @@ def _location(cls: type[Any], file: Path) -> str:
         return shown(file)
 
 
-def _place(file: Path, error: BaseException) -> str:
+def place_of(file: Path, error: BaseException) -> str:
     """Return the last line of this file in the error's traceback."""
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file.resolve())]
     return f"{shown(file)}, line {lines[-1]}" if lines else shown(file)

@@ -135,7 +135,7 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
         else:
             plain.append(caveat(text))
     if impossible:
-        sentence = f"effects that this chain cannot have (the report says why): {', '.join(impossible)}."
+        sentence = f"effects that this model cannot have (the report says why): {', '.join(impossible)}."
         plain.append(Warned(sentence, tuple(impossible.values()), folded=True))
     return tuple(plain)
 

@@ -14,7 +14,7 @@ import re
 import time
 import traceback
 import unittest
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
@@ -36,6 +36,8 @@ from pliant.registry.component import Component
 from pliant.registry.discovery import CHAIN
 from pliant.registry.interface import interfaces
 
+# Checks of effects of users' own models.
+SYSTEM_EFFECT = "pliant.testing.system_effect"
 T = TypeVar("T")
 P = ParamSpec("P")
 
@@ -264,14 +266,15 @@ def remarked(function: CheckFunction) -> CheckFunction:
     return function
 
 
-def checks_for(interface: str) -> tuple[ConformanceCheck, ...]:
+def checks_for(interface: str, modules: Sequence[str] = ()) -> tuple[ConformanceCheck, ...]:
     """Return all checks of an interface: those of the first stage, the common ones before its own, then the rest.
 
-    A check is a public function ``(subject: Subject) -> None`` of such a module; its docstring is a clause.
+    A check is a public function ``(subject: Subject) -> None`` of such a module; its docstring is a clause. `modules`
+    replace those of the interface.
     """
     every = []
     common = "pliant.testing.common"
-    for place in (common, *interfaces()[interface].checks):
+    for place in (common, *(modules or interfaces()[interface].checks)):
         module = importlib.import_module(place)
         for name, function in vars(module).items():
             own = inspect.isfunction(function) and function.__module__ == module.__name__
@@ -287,6 +290,12 @@ def checks_for(interface: str) -> tuple[ConformanceCheck, ...]:
                     )
                 )
     return tuple(sorted(every, key=lambda check: not check.declares))
+
+
+def checks_of(component: Component) -> tuple[ConformanceCheck, ...]:
+    """Return all checks of a component: those of its interface; effects of users' own models have their own."""
+    of_systems = component.interface == "effect" and CHAIN not in component.models
+    return checks_for(component.interface, (SYSTEM_EFFECT,) if of_systems else ())
 
 
 def run_checks(
@@ -311,7 +320,7 @@ def run_checks(
     Raises:
         UserError: a clause that the interface does not have, or changes that the config refuses.
     """
-    subject, checks = Subject(component, changes or {}), checks_for(component.interface)
+    subject, checks = Subject(component, changes or {}), checks_of(component)
     names = [check.name for check in checks]
     for clause in clauses:
         if clause not in names:
@@ -412,4 +421,5 @@ check_effect = functools.partial(check_component, interface="effect")
 check_physics = functools.partial(check_component, interface="physics")
 check_task = functools.partial(check_component, interface="task")
 check_optimizer = functools.partial(check_component, interface="optimizer")
+check_model = functools.partial(check_component, interface="model")
 check_viewer = functools.partial(check_component, interface="viewer")

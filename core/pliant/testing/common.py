@@ -12,6 +12,7 @@ from typing import get_args
 from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError
+from pliant.interfaces.effect import AT
 from pliant.registry.discovery import CHAIN, discover
 from pliant.registry.files import FILE_MODULE
 from pliant.registry.interface import interfaces
@@ -30,13 +31,18 @@ def config_subclasses_the_interface(subject: Subject) -> None:
 
 
 def config_names_its_kind(subject: Subject) -> None:
-    """`kind: Literal["mine"] = "mine"` narrows the config to the kind that the manifest names."""
+    """`kind: Literal["mine"] = "mine"` is the kind that the manifest names; effects of own models write
+    `kind: str = effect_kind("mine")`."""
     kind, whose = subject.component.kind, f"{subject.model.__name__}.kind"
     field = subject.model.model_fields["kind"]
-    # Effects of users' own models: `kind: str = effect_kind("mine")`, with names of places behind it.
-    open_ended = field.annotation is str and CHAIN not in subject.component.models
-    narrow = open_ended or get_args(field.annotation) == (kind,)
-    require(narrow, f"{whose} is {field.annotation}, not Literal['{kind}']")
+    if subject.component.interface == "effect" and CHAIN not in subject.component.models:
+        for text in (kind, f"{kind}{AT}place"):
+            accepted = subject.model.model_validate({**subject.config.model_dump(), "kind": text})
+            require(vars(accepted)["kind"] == text, f"{whose} is not effect_kind('{kind}')")
+    else:
+        require(
+            get_args(field.annotation) == (kind,), f"{whose} is {field.annotation}, not Literal['{kind}']"
+        )
     require(field.default == kind, f"{whose} has the default {field.default!r}, not '{kind}'")
 
 

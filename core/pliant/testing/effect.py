@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.interfaces.effect import Effect, Model, Origin, Place, Readings
+from pliant.interfaces.effect import Effect, Model, Origin, Readings
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.engine_checks import require_histories
 from pliant.pipeline.simulate import run_task
@@ -40,7 +40,8 @@ from pliant.testing.samples import PRESSURE_PA
 from pliant.testing.stand_ins import StandIn, StandInConfig
 from pliant.units import UnitError, parse_quantity
 
-PLACES = get_args(Place)
+# Places of effects of chains.
+PLACES = tuple(SIGHTS)
 
 
 class ProbeTask(Task):

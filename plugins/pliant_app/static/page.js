@@ -297,7 +297,7 @@ function silent(found) {
   const quiet = view.model.catalogue.filter(c => found.kinds[c.kind] && !found.kinds[c.kind].shown);
   const out = Object.entries(found.left_out);
   $("silent").hidden = !(quiet.length + out.length);
-  $("silent").querySelector("summary").textContent = `${quiet.length} effects these runs could not show, ${out.length} this chain cannot have`;
+  $("silent").querySelector("summary").textContent = `${quiet.length} effects these runs could not show, ${out.length} this model cannot have`;
   $("silent").querySelector("ul").replaceChildren(
     ...quiet.map(c => el("li", {}, `${c.kind.replaceAll("_", " ")}. `, found.kinds[c.kind].excited_by)), ...out.map(([, why]) => el("li", {}, why)));
 }
