@@ -115,7 +115,7 @@ class Bundle:
             self._imports.add(f"import {found.__name__}{alias}")
         elif isinstance(found, type) or hasattr(found, "__code__") or hasattr(found, "py_func"):
             self._add(found)
-        elif callable(found) and getattr(found, "__module__", ""):
+        elif callable(found) and not isinstance(found, partial | Configured):
             self._imports.add(f"from {found.__module__} import {name}")
         elif name not in self._constants:
             self._constants[name] = self.value(found)
@@ -191,9 +191,13 @@ def _members(cls: type, used: set[str]) -> dict[str, Any]:
     return {
         name: one
         for name, one in named.items()
-        if isinstance(one, PLAIN + (tuple,))
-        or (_function(one) is not None and not getattr(_function(one), "__isabstractmethod__", False))
+        if isinstance(one, PLAIN + (tuple,)) or (_function(one) is not None and not _is_abstract(one))
     }
+
+
+def _is_abstract(member: Any) -> bool:
+    """Return whether a method or property of a class is an abstract one."""
+    return bool(getattr(_function(member), "__isabstractmethod__", False))
 
 
 def _function(member: Any) -> Any:

@@ -22,6 +22,15 @@ from pliant_mjcf.quantities import component_names, control_unit, joint_unit, se
 SUFFIX = {unit: suffix for suffix, unit in UNIT_SUFFIXES.items()}
 # A curve is continued by this share of its range at both ends: the noise of a pressure sensor at zero.
 BEYOND_CURVE = 0.05
+# Units that a recording may have, and a channel may not → the ending of its name.
+OTHER_UNITS = {
+    **dict.fromkeys(("deg", "degrees", "mrad"), "rad"),
+    **dict.fromkeys(("mm", "cm", "um"), "m"),
+    **dict.fromkeys(("kpa", "mpa", "hpa", "bar", "mbar", "psi"), "pa"),
+    **dict.fromkeys(("mn", "kn"), "n"),
+    "mnm": "n_m",
+    "nm": "n_m",
+}
 RESERVED = ("run", "specimen", "time_s", "time")
 
 
@@ -94,6 +103,17 @@ def driven_inputs(where: str, config: MjcfModelConfig, model: Any) -> tuple[Driv
             f"{where}: every actuator is fixed, so that no input is left; take one out of 'fixed'."
         )
     return tuple(_driven(config, model, name, columns.get(name)) for name in free)
+
+
+def check_units(where: str, columns: Sequence[str]) -> None:
+    """Raise `UserError` for a column named by a study with a unit that is not SI: a recording's column is converted."""
+    for column in columns:
+        stem, _, word = column.lower().rpartition("_")
+        if stem and word in OTHER_UNITS:
+            raise UserError(
+                f"{where}: the study names a column '{column}', and its columns are in SI; write "
+                f"'{column[: len(stem)]}_{OTHER_UNITS[word]}'. The recording may keep its unit and its name."
+            )
 
 
 def _driven(config: MjcfModelConfig, model: Any, name: str, column: str | None) -> Driven:

@@ -30,7 +30,7 @@ from pliant.pipeline.workbench import digest
 from pliant.records.design import Array
 from pliant.registry.files import shown
 from pliant_mjcf.changes import DriveChange, ModelChange, SpecChange, StateForce
-from pliant_mjcf.channels import Driven, Read, check_unique, driven_inputs, read_outputs
+from pliant_mjcf.channels import Driven, Read, check_unique, check_units, driven_inputs, read_outputs
 from pliant_mjcf.config import MjcfModelConfig
 from pliant_mjcf.mjcf import add_sensors, attachments, changed_model, compile_spec, read_spec, world_has
 from pliant_mjcf.places import has_place
@@ -68,6 +68,7 @@ class MjcfModel(SystemModel):
         config, where = self.config, shown(self.config.file)
         spec = read_spec(config.file)
         model = compile_spec(config.file, spec)
+        check_units(where, [*config.inputs, *config.outputs])
         inputs = driven_inputs(where, config, model)
         outputs, added = read_outputs(where, config, model)
         check_unique(where, [*(one.channel for one in inputs), *(one.channel for one in outputs)])

@@ -419,3 +419,12 @@ def test_ranges_of_tendons_and_of_stated_damping(tmp_path: Path) -> None:
     damping = EffectParameter("d", "N*m*s", 0.0, (-1e5, 1e5), (-0.2, 0.2))
     assert model.adapted("viscous_damping", damping).plausible == (-1.4, 1.4)
     assert model.adapted("viscous_damping@elbow", damping) is damping
+
+
+@pytest.mark.parametrize(
+    ("settings", "right"),
+    [({"outputs": {"angle_deg": "hinge"}}, "angle_rad"), ({"inputs": {"pull_kPa": "drive"}}, "pull_pa")],
+)
+def test_columns_of_a_study_are_in_si(tmp_path: Path, settings: dict[str, Any], right: str) -> None:
+    with pytest.raises(UserError, match=f"write '{right}'"):
+        _ = model_of(tmp_path, pendulum(), **settings).inputs

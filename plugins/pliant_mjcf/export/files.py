@@ -94,9 +94,7 @@ def _write(
         {
             "run": drive.history.run,
             "time_s": np.asarray(drive.history.time_s).tolist(),
-            "commanded": {
-                one.channel.name: drive.history.actuation[one.channel.name].tolist() for one in written.inputs
-            },
+            "commanded": {name: drive.history.actuation[name].tolist() for name in names},
             "state": _started(system, improved, written, model, drive).tolist(),
             "readings": {name: np.asarray(values).tolist() for name, values in readings.items()},
         }

@@ -60,7 +60,7 @@ class WrittenModel:
             native: whether effects of inputs that agree to a sample only may be numbers of actuators.
         """
         self.places = [Destination() for _ in effects]
-        made = [effect.apply(parts) for effect in effects]  # type: ignore[arg-type]
+        made: list[Any] = [effect.apply(parts) for effect in effects]  # type: ignore[arg-type]
         for place, one in zip(self.places, made, strict=True):
             assert isinstance(one, SystemParts)
             before = self._text()

@@ -15,6 +15,7 @@ import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -39,30 +40,34 @@ class ImpossibleEffectError(UserError):
 class Effect:
     """An effect with its numbers."""
 
-    def __init__(self, **config):
+    def __init__(self, **config: Any) -> None:
         self.config = SimpleNamespace(**config)
 
 
 class Run:
     """The inputs of a run: `time_s` (t,), and `actuation`, (t,) by column."""
 
-    def __init__(self, time_s, actuation):
+    def __init__(self, time_s: Any, actuation: Any) -> None:
         self.time_s, self.actuation = time_s, dict(actuation)
 
-    def with_actuation(self, **changes):
+    def with_actuation(self, **changes: Any) -> Run:
         """Return the run with some inputs replaced."""
         return Run(self.time_s, {**self.actuation, **changes})
 
 
 # Effects that MJCF cannot say
-INPUT_MAPS, OUTPUT_MAPS, MODEL_CHANGES, FORCES, DRIVES = [], [], [], [], []
+INPUT_MAPS: list[Any] = []
+OUTPUT_MAPS: list[Any] = []
+MODEL_CHANGES: list[Any] = []
+FORCES: list[Any] = []
+DRIVES: list[Any] = []
 
 # --- the driver ---
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 ROUNDING = 1e-6  # of a step: samples that near to one are at it
 
 
-def load(path=None):
+def load(path: str | Path | None = None) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Return model and data of the MJCF, by default of the one in this file's folder."""
     model = mujoco.MjModel.from_xml_path(str(path or Path(__file__).with_name(MJCF)))
     for one in MODEL_CHANGES:
@@ -75,17 +80,17 @@ def load(path=None):
 class Robot:
     """The model with the forces and drives that MJCF cannot say; they may remember, so a motion has its own robot."""
 
-    def __init__(self, model, data):
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.model, self.data = model, data
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget the motion so far: what remembers begins at the present positions."""
         q, v = self.data.qpos[None].copy(), self.data.qvel[None].copy()
         self._drives = [one.start(self.model) for one in DRIVES]
         self._forces = [one.start(self.model, q, v) for one in FORCES]
 
-    def step(self, ctrl=None):
+    def step(self, ctrl: Any = None) -> None:
         """Step once, as `mujoco.mj_step`; `ctrl` is (nu,) that of the model, by default `data.ctrl`."""
         model, data, step_s = self.model, self.data, float(self.model.opt.timestep)
         asked = np.array(data.ctrl if ctrl is None else ctrl, float)[None]
@@ -104,7 +109,7 @@ class Robot:
             mujoco.mj_step(model, data)
 
 
-def controls(time_s, commanded, model=None):
+def controls(time_s: Any, commanded: Any, model: mujoco.MjModel | None = None) -> np.ndarray:
     """Return (t, nu) ctrl for commands by column, (t,) each: effects of the inputs, then the columns' curves."""
     model = load()[0] if model is None else model
     run = Run(np.asarray(time_s, float), {name: np.asarray(v, float) for name, v in commanded.items()})
@@ -123,7 +128,7 @@ def controls(time_s, commanded, model=None):
     return found
 
 
-def readings(time_s, raw):
+def readings(time_s: Any, raw: Any) -> dict[str, np.ndarray]:
     """Return what the sensors report, (t,) by column, from true readings by column."""
     found = {"time_s": np.asarray(time_s, float), **raw}
     for change in OUTPUT_MAPS:
@@ -131,7 +136,7 @@ def readings(time_s, raw):
     return {name: values for name, values in found.items() if name != "time_s"}
 
 
-def replay(time_s, commanded, state, path=None):
+def replay(time_s: Any, commanded: Any, state: Any, path: str | Path | None = None) -> dict[str, np.ndarray]:
     """Return the readings of a run by column, (t,) each, from commands by column and MuJoCo's state at its start."""
     model, data = load(path)
     clock = np.asarray(time_s, float) - time_s[0]
@@ -148,11 +153,11 @@ def replay(time_s, commanded, state, path=None):
         records[k] = data.sensordata  # at the beginning of the step
     after = np.minimum(before + 1, len(records) - 1)
     table = (1.0 - share)[:, None] * records[before] + share[:, None] * records[after]
-    places = {name: model.sensor(sensor).adr[0] + part for name, (sensor, part) in OUTPUTS.items()}
-    return readings(time_s, {name: table[:, place] for name, place in places.items()})
+    columns = {name: model.sensor(sensor).adr[0] + part for name, (sensor, part) in OUTPUTS.items()}
+    return readings(time_s, {name: table[:, place] for name, place in columns.items()})
 
 
-def check(path=None):
+def check(path: str | Path | None = None) -> list[str]:
     """Return sentences on readings that differ from the study's predictions, by the check file in this folder."""
     file = Path(path) if path else Path(__file__).with_name(f"{Path(__file__).stem}.check.json")
     said = json.loads(file.read_text(encoding="utf-8"))
