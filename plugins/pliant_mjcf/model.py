@@ -24,6 +24,7 @@ from pliant.interfaces.model import (
     Improved,
     SystemModel,
     SystemParts,
+    SystemPicture,
     SystemReadings,
 )
 from pliant.pipeline.workbench import digest
@@ -187,6 +188,18 @@ class MjcfModel(SystemModel):
         from pliant_mjcf.export.files import export_files
 
         return export_files(self, improved, target)
+
+    def picture(self, places: Sequence[tuple[str, str]]) -> SystemPicture | None:
+        """Return the geoms as MuJoCo shows them, and where joints, tendons, bodies, inputs and outputs are."""
+        from pliant_mjcf.picture import draw
+
+        loaded = self.loaded
+        names = {
+            ("input", one.channel.name): ("actuator", loaded.model.actuator(one.actuator).name)
+            for one in loaded.inputs
+        }
+        names |= {("output", one.channel.name): ("sensor", one.sensor) for one in loaded.outputs}
+        return draw(loaded.model, [names.get(place, place) for place in places])
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Return the digests of the MJCF and of every file that it reads, and MuJoCo's version."""

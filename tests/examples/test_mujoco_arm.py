@@ -44,7 +44,7 @@ def test_the_diagnosis_names_kind_and_joint_and_the_improved_mjcf_has_it(arm: Pa
     options = [word for kind in TRIED for word in ("--effect", kind)]
     called("diagnose", arm, *options, "--json", "found.json").done()
     found = json.loads(Path("found.json").read_text())
-    assert found["verdict"] == "missing_effect" and found["hypotheses"][0]["hypothesis"] == [HIDDEN]
+    assert found["verdict"] == "missing_effect" and found["hypotheses"][0]["kinds"] == [HIDDEN]
     called("extend", arm, "--effect", HIDDEN, "--out", "better.yaml").done()
     said = called("export", "better.yaml", "--out", "arm_improved.xml").done().out
     assert f"{HIDDEN}: joint shoulder" in said and "it does what the study predicts" in said

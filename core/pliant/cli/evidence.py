@@ -31,9 +31,10 @@ from pliant.measurements.written_units import units_as_written
 from pliant.records.measurement import Measurement
 from pliant.registry.data_kind import MeasuredData, open_data
 from pliant.report.comparison import comparison_document
-from pliant.report.diagnosis import diagnosis_document
+from pliant.report.diagnosis import diagnosis_document, leading
 from pliant.report.document import Document
 from pliant.report.stored_answer import Question, stored_answer
+from pliant.report.system_picture import with_system
 from pliant.store.store import write_atomically
 
 DataFile = Annotated[
@@ -50,7 +51,7 @@ Candidates = Annotated[
 ]
 NEXT_RUN = "next_run.csv"
 # Modules that a diagnosis and its page are computed with, besides effects and engine.
-MODULES = ("pliant.report.diagnosis", "pliant.diagnosis.diagnosis", __name__)
+MODULES = ("pliant.report.diagnosis", "pliant.report.system_picture", "pliant.diagnosis.diagnosis", __name__)
 
 
 @verb()
@@ -78,7 +79,8 @@ def compare(
     predicted, comparison = compare_model(predictor)
     session.measured(loaded, measurement)
     bands, remark = study_bands(opened.context, loaded, measurement)
-    session.show(comparison_document(loaded.name, measurement, predicted, comparison, bands, remark), folder)
+    document = comparison_document(loaded.name, measurement, predicted, comparison, bands, remark)
+    session.show(with_system(document, predictor, [effect.kind for effect in loaded.effects]), folder)
 
 
 @verb()
@@ -121,6 +123,7 @@ def diagnose(
         document = diagnosis_document(
             name, measurement, found, session.registry, asked=effect or (), next_file=file
         )
+        document = with_system(document, api.predictor(opened, measurement), leading(found))
         return document, {NEXT_RUN: Path(file).read_text(encoding="utf-8")} if file else {}
 
     # The file of the next run names the study, the data and the folder by their paths.

@@ -26,6 +26,7 @@ from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.extension import write_extended_study
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
+from pliant.report.system_picture import with_system
 
 Learned = Annotated[
     bool,
@@ -103,6 +104,7 @@ def improve(
         )
         session.result["final_study"] = str(target)
     session.say(f"study    {target}" if written else "No study was written.")
-    session.show(
-        improvement_document(loaded.name, measurement, found, session.registry, effect or ()), folder
-    )
+    document = improvement_document(loaded.name, measurement, found, session.registry, effect or ())
+    added = [kind for step in found.steps for kind in step.added]
+    model = api.predictor(opened, measurement)
+    session.show(with_system(document, model, [*(one.kind for one in loaded.effects), *added]), folder)

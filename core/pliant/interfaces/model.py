@@ -7,12 +7,14 @@ runs from the histories of its inputs.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from pliant.errors import UserError, closest
@@ -115,6 +117,19 @@ class Exported:
     sentences: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class SystemPicture:
+    """A still of a system.
+
+    Attributes:
+        pixels: (height, width, 3) 8-bit RGB.
+        places: column and row of each place that was asked for, in pixels; None for one that has no point.
+    """
+
+    pixels: NDArray[np.uint8]
+    places: tuple[tuple[float, float] | None, ...] = ()
+
+
 class SystemModel(Configured[ModelConfig]):
     """A model that predicts the readings of runs.
 
@@ -193,8 +208,8 @@ class SystemModel(Configured[ModelConfig]):
             "effects."
         )
 
-    def picture(self, places: Mapping[str, Collection[str]]) -> Array | None:
-        """Return a picture (height, width, 3) of 8-bit RGB with places marked, by kind of place; None without one."""
+    def picture(self, places: Sequence[tuple[str, str]]) -> SystemPicture | None:
+        """Return a still of the system, and where places are in it, each by kind and name; None without one."""
         return None
 
     def fingerprint(self) -> Mapping[str, Any]:

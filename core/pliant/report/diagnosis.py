@@ -228,6 +228,14 @@ def implausible(diagnosis: Diagnosis) -> list[str]:
     )
 
 
+def leading(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the kinds of effects that a page is about: those selected, else those of the most probable hypotheses."""
+    if diagnosis.selected:
+        return tuple(diagnosis.selected)
+    known = {kind for kinds in diagnosis.judgement.credible for kind in kinds}
+    return tuple(sorted(known - {LAW, *UNKNOWN}))
+
+
 def _brief(diagnosis: Diagnosis) -> tuple[Any, ...]:
     rows, which = most_probable(diagnosis.judgement.probability, MOST_SHOWN)
     shown = diagnosis.judgement.credible[:MOST_SHOWN]
