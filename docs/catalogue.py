@@ -58,6 +58,70 @@ def catalogue(components: Sequence[Component]) -> str:
     return "\n\n".join([INTRODUCTION, "\n".join([head, *rows]), *_menu(effects)]) + "\n"
 
 
+MODELS_INTRODUCTION = """\
+# Effects of models of your own
+
+What a model that a study names in its block `model` may lack: a [Python function](../your_own_model.md) or a
+[MuJoCo model](../mujoco_models.md). Behind an `@` stands the place, or a pattern of places: `viscous_damping@elbow`,
+`sensor_bias@*_rad`; without it an effect acts on all of its places alike. A diagnosis tries both.
+
+Plausible ranges of parameters with a unit are the declared ones; a MuJoCo model replaces them by the size of its own
+forces, speeds and masses."""
+OF_MODELS: dict[str, str] = {
+    "input": "between the command and the system",
+    "output": "between the system and its reading",
+    "joint": "at hinges and slides",
+    "tendon": "at tendons",
+    "body": "at bodies that move",
+    "world": "on the whole model",
+    "parameter": "a number of the file",
+    "state": "a declared effect of the file",
+}
+
+
+def models_catalogue(components: Sequence[Component]) -> str:
+    """Return the page on effects of models of a user's own, by their places."""
+    effects = [(c, c.implementation_class()) for c in components]
+    order = list(OF_MODELS)
+    effects.sort(key=lambda pair: (order.index(pair[1].place), pair[0].kind))
+    head = (
+        "| kind | place | what it is | kinds of models | what to look at on the bench | easily taken for |\n"
+        "|---|---|---|---|---|---|"
+    )
+    rows = [
+        f"| [{c.kind}](#{c.kind}) | {e.place} | {c.summary} | {', '.join(c.models)} | {_sentence(e.notes.inspection)} "
+        f"| {_link_below(e.notes.confounder, components)} |"
+        for c, e in effects
+    ]
+    parts = [MODELS_INTRODUCTION, "\n".join([head, *rows])]
+    for component, effect in effects:
+        parts += [f"## {component.kind}", *_model_facts(component, effect, components)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _model_facts(component: Component, effect: type[Effect], components: Sequence[Component]) -> list[str]:
+    notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
+    numbers = (*config.fit_parameters(), *config.form_parameters())
+    rows = [_row(p, config.model_fields[p.name].description or "") for p in numbers]
+    said = [
+        ("Signature", _sentence(notes.signature)),
+        ("Told apart", _sentence(notes.distinguishing_test)),
+        ("To see it", _sentence(notes.excitation)),
+        ("Where", _sentence(notes.where)),
+    ]
+    about = _sentence(component.summary)
+    return [
+        f"{about}; it acts {OF_MODELS[effect.place]} ({', '.join(component.models)}).",
+        *(["\n".join([HEAD, *rows])] if rows else []),
+        *(f"**{word}:** {text}" for word, text in said if text),
+    ]
+
+
+def _link_below(kind: str, components: Sequence[Component]) -> str:
+    known = kind in {component.kind for component in components}
+    return f"[{kind}](#{kind})" if known else kind or "nothing"
+
+
 def _origin(effect: type[Effect]) -> str:
     return " (*mistake of the record*)" if effect.notes.origin == "bench" else ""
 

@@ -87,6 +87,7 @@ FIRST_ON_THE_INDEX = [
     "",
     "- [Study file](study.md): every key of a study.",
     "- [Effect catalogue](effects.md): what a model may lack, what gives it away, the run that shows it.",
+    "- [Effects of models of your own](effects_of_models.md): of Python functions and MuJoCo models.",
     "- [Python](../python.md): the commands as functions, records, what plugins may rely on.",
     "- [Records for plugins](records.md): meshes, problems, states, laws, chains, field by field.",
     "- [Mechanics of chains](mechanics.md): poses, rotations, efforts, equilibria, for engines.",
@@ -122,6 +123,9 @@ def pages(registry: Registry) -> dict[Path, str]:
     """Return path → text of every reference page."""
     made = {REFERENCE / "index.md": _index(registry), REFERENCE / "study.md": _study_page()}
     made[REFERENCE / "effects.md"] = _beside("catalogue").catalogue(_ours(registry, "effect"))
+    effects = [c for c in registry.components if c.interface == "effect" and c.package.startswith(OURS)]
+    own = [c for c in effects if "chain" not in c.models]
+    made[REFERENCE / "effects_of_models.md"] = _beside("catalogue").models_catalogue(own)
     made |= _beside("plugin_pages").pages(REFERENCE, _markdown, _class_text)
     for interface in interfaces():
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)

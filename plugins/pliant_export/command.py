@@ -69,7 +69,7 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json.",
+            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json; of a model of your own .xml, .csv.",
         ),
     ],
     overrides: Overrides = None,

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 from tests.command import called
-from tests.pliant_mjcf.mjcf_models import drive, model_of
+from tests.pliant_mjcf.mjcf_models import BOX, drive, model_of
 from tests.pliant_mjcf.stepping import REGISTRY
 from tests.pliant_mjcf.test_own_effect import DRAG
 
@@ -308,3 +308,42 @@ def test_an_effect_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     registry = with_files(REGISTRY, [file])
     with pytest.raises(UserError, match="uses the module pliant.units as a whole"):
         export(tmp_path, built(registry, "drag@elbow", drag=0.05))
+
+
+def test_friction_of_the_floor_and_a_keyframe(tmp_path: Path) -> None:
+    """A box is pushed over the floor; it starts from a keyframe."""
+    key = '<keyframe><key name="left" qpos="-.3 0 .1 1 0 0 0"/></keyframe></mujoco>'
+    xml = BOX.format(solref="0.02 1").replace(' refsite="push"', "").replace("</mujoco>", key)
+    system = model_of(tmp_path, xml, initial="left")
+    name = system.inputs[0].name
+    drives = [drive(TIME[:80], {}, **{name: 30.0 * np.sin(3.0 * TIME[:80])})]
+    effects = [built(REGISTRY, "floor_friction", factor=0.7), built(REGISTRY, "actuation_gain", factor=1.1)]
+    study = improved(system, effects, drives)
+    exported = system.export(study, tmp_path / "box_improved.xml")
+    assert "module" not in exported.sentences[0] and checked(exported.files[1]) == []
+    moved = study.predicted[0]["box_x_m"]
+    assert moved[0] == -0.3 and np.ptp(moved) > 0.05
+    assert np.abs(improved(system, effects[1:], drives).predicted[0]["box_x_m"] - moved).max() > 1e-4
+
+
+def test_a_model_without_a_file_format_exports_its_parameters_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Path(__file__).parents[2] / "examples" / "own_model" / "pendulum"
+    for file in source.iterdir():
+        if file.is_file():
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    text = (tmp_path / "study.yaml").read_text()
+    (tmp_path / "better.yaml").write_text(f"{text}effects: [{{kind: state@coulomb, value: 0.12}}]\n")
+    called("export", "better.yaml", "--out", "better.xml").refused("kind 'python'", "--out parameters.csv")
+    called("export", "better.yaml", "--out", "better.stl", "--part", "module").refused("chains of modules")
+    called("export", "better.yaml", "--out", "numbers.json").done()
+    (row,) = json.loads((tmp_path / "numbers.json").read_text())["parameters"]
+    assert (row["effect"], row["value"], row["sd"], row["acts_at"]) == (
+        "state@coulomb",
+        0.12,
+        None,
+        ["coulomb"],
+    )
+    called("export", "study.yaml", "--out", "none.csv").refused("has no effects")
