@@ -22,6 +22,7 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.base import Configured
+from pliant.interfaces.effect import Effect
 
 OWN = ("pliant",)  # packages of Pliant, and modules of users' files
 EFFECT = "Effect"  # base class of effects in the module, which keeps the numbers of a config
@@ -159,14 +160,15 @@ class Bundle:
         yield from done
 
     def _is_written(self, cls: type) -> bool:
-        return cls.__module__.startswith(OWN) and bool(_members(cls, self._used)) and cls is not Configured
+        own = cls.__module__.startswith(OWN) and cls not in (Configured, Effect)
+        return own and bool(_members(cls, self._used))
 
     def _nodes(self, wanted: Any) -> ast.stmt:
         if not isinstance(wanted, type):
             return _parsed(wanted)
         base = next((one.__name__ for one in wanted.__mro__[1:] if self._is_written(one)), "")
         base = base or (EFFECT if issubclass(wanted, Configured) else "")
-        body: list[ast.stmt] = [ast.Expr(ast.Constant(inspect.cleandoc(wanted.__doc__ or wanted.__name__)))]
+        body: list[ast.stmt] = [ast.Expr(ast.Constant(_first_line(wanted)))]
         if is_dataclass(wanted):
             names = [one.name for one in fields(wanted)]
             lines = [f"    self.{name} = {name}" for name in names] or ["    pass"]
@@ -178,6 +180,10 @@ class Bundle:
         assert isinstance(made, ast.ClassDef)
         made.body = body
         return made
+
+
+def _first_line(cls: type) -> str:
+    return inspect.cleandoc(cls.__doc__ or "").partition("\n")[0] or cls.__name__
 
 
 def _members(cls: type, used: set[str]) -> dict[str, Any]:

@@ -69,7 +69,8 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json; of a model of your own .xml, .csv.",
+            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json; of a model of your own .xml "
+            "or .csv.",
         ),
     ],
     overrides: Overrides = None,

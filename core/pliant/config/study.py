@@ -181,7 +181,7 @@ class Study(FrozenModel):
         if self.model is not None:
             raise UserError(
                 f"study '{self.name}' has a model of its own, and {what} needs a chain of modules; 'compare', "
-                "'diagnose', 'plan', 'extend' and 'improve' take it."
+                "'diagnose', 'plan', 'extend', 'improve' and 'export' take it."
             )
 
     def resolve_workers(self, asked: Any, otherwise: int | None = None) -> Any:
