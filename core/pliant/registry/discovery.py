@@ -108,16 +108,16 @@ class Registry:
 
     def get(self, interface: str, kind: str) -> Component:
         """Return the component of this kind; raise `UserError` with the close match and the plugins that failed."""
-        if (interface, kind) in self.clashes:
-            places = self.clashes[interface, kind]
-            remedy = "uninstall one of them" if ":" not in places[0] else "give one of them another kind"
-            raise UserError(f"{interface} '{kind}' is defined by {' and '.join(places)}; {remedy}.")
         plain, at, pattern = kind.partition(AT) if interface == "effect" else (kind, "", "")
         for component in self.components:
             if (component.interface, component.kind) == (interface, plain) and self._is_meant(component):
                 return (
                     self._at_place(component, kind) if at and pattern and self.model != CHAIN else component
                 )
+        if (interface, kind) in self.clashes:
+            places = self.clashes[interface, kind]
+            remedy = "uninstall one of them" if ":" not in places[0] else "give one of them another kind"
+            raise UserError(f"{interface} '{kind}' is defined by {' and '.join(places)}; {remedy}.")
         for failure in self.failures:
             if (interface, kind) in failure.kinds:
                 raise UserError(f"{interface} '{kind}' of {failure.package} cannot be used: {failure.cause}.")
@@ -296,15 +296,20 @@ def _without_clashes(components: list[Component], failures: list[FailedPlugin]) 
         by_key.setdefault((component.interface, component.kind), []).append(component)
     kept, clashes = [], {}
     for key, group in by_key.items():
-        models = [model for component in group for model in component.models]
-        if len(group) == 1 or (key[0] == "effect" and len(set(models)) == len(models)):
-            kept += group
+        clashing = [one for one in group if any(_clash(one, other) for other in group)]
+        kept += [one for one in group if one not in clashing]
+        if not clashing:
             continue
-        clashes[key] = _places(group)
+        clashes[key] = _places(clashing)
         cause = "the kind is defined twice, so that none of them is used"
         name = f"{key[0]} '{key[1]}'"
         failures.append(FailedPlugin(name, " and ".join(clashes[key]), cause, (key,)))
     return Registry(tuple(kept), tuple(failures), clashes)
+
+
+def _clash(one: Component, other: Component) -> bool:
+    """Return whether two components of one kind cannot be told apart: effects are, if they change other models."""
+    return one is not other and (one.interface != "effect" or bool(set(one.models) & set(other.models)))
 
 
 def _places(group: Sequence[Component]) -> tuple[str, ...]:
