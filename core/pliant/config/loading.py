@@ -82,7 +82,7 @@ def load_study(
         raw = overridden(raw, override, sources.places)
     raw = normalised(raw)
     own = _plugin_files(raw, sources)
-    if code := not_run_yet(own):  # before the plugins run: the study may be someone else's
+    if code := not_run_yet([*own, *_model_code(raw)]):  # before the plugins run: the study may be someone else's
         note(f"{path.name} runs Python code of its own: {', '.join(map(shown, code))}.")
     registry = with_files(registry, own)
     raw = with_payload(stated, raw, registry, note) if overrides else raw
@@ -134,6 +134,13 @@ def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
                 f"{at}'plugins' names {shown(Path(file))}, which is no file{closest(Path(file).name, beside)}"
             )
     return [Path(file) for file in files]
+
+
+def _model_code(raw: Mapping[str, Any]) -> list[Path]:
+    """Return the Python file of the study's own model, if it is one."""
+    block = raw.get("model")
+    file = block.get("file") if isinstance(block, Mapping) else None
+    return [Path(file)] if isinstance(file, str) and file.endswith(".py") else []
 
 
 def _kind_location(message: str, raw: Mapping[str, Any], sources: _Sources) -> str:
