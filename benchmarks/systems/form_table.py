@@ -136,7 +136,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "sensor_scale": Kind("output", 0.5, _levels(e.gain), signed=True),
     "sensor_lag": Kind("output", 0.5, LAGS),
-    "sensor_delay": Kind("output", 0.3, LATE),
+    "sensor_delay": Kind("output", 0.6, LATE),
     "misaligned_frame": Kind(
         "vector",
         0.6,
