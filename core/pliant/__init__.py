@@ -8,7 +8,7 @@
     finger.diagnose()
 
 `open` reads a study, `read` measurement files. Without a file, `solve` gives FEM data, `fit` a joint law, `Chain` a
-robot, `Study` any study of blocks; `compare`, `diagnose` and `improve` take each of them.
+robot, `MjcfModel` a MuJoCo model, `Study` any study of blocks; `compare`, `diagnose` and `improve` take each of them.
 """
 
 import sys
@@ -17,17 +17,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-__all__ = ["Chain", "Study", "compare", "diagnose", "fit", "improve", "open", "read", "solve"]
+__all__ = ["Chain", "MjcfModel", "Study", "compare", "diagnose", "fit", "improve", "open", "read", "solve"]
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pliant.notebook.compose import Chain, compare, diagnose, improve, solve
     from pliant.notebook.compose import ComposedStudy as Study
     from pliant.notebook.study import fit, read
     from pliant.notebook.study import open_study as open
 
+    MjcfModel: Callable[..., Study]
+
 # Public names that differ from the names in their modules.
 _NAMES = {"open": "open_study", "Study": "ComposedStudy"}
 _OF_STUDIES = ("fit", "open", "read")
+# Names of other packages: the function in their manifest, and the package.
+_OF_PACKAGES = {"MjcfModel": ("mjcf_model", "pliant_mjcf")}
 
 
 def register_environments() -> None:
@@ -55,6 +61,10 @@ def __getattr__(name: str) -> Any:
     """Import the functions of `__all__` on first access, so that `import pliant` takes no time."""
     if name not in __all__:
         raise AttributeError(f"module 'pliant' has no attribute '{name}'")
+    if name in _OF_PACKAGES:
+        from pliant.registry.function import package_function
+
+        return package_function(*_OF_PACKAGES[name])
     module = import_module("pliant.notebook.study" if name in _OF_STUDIES else "pliant.notebook.compose")
     return getattr(module, _NAMES.get(name, name))
 

@@ -50,3 +50,28 @@ class StateForce(ABC):
     @abstractmethod
     def advance(self, model: Any, state: Any, q: Array, v: Array, step_s: float) -> tuple[Array, Any]:
         """Return (r, nv) the force during the next step, and the state after it."""
+
+
+class DriveChange(ABC):
+    """A change of the actuators' controls that depends on where they stand, computed before every step for all runs.
+
+    It keeps no state of its own: `start` returns it, and `advance` returns the next one.
+    """
+
+    @abstractmethod
+    def start(self, model: Any) -> Any:
+        """Return the state at the beginning of the runs, such as memory to work in."""
+
+    @abstractmethod
+    def advance(
+        self, model: Any, state: Any, q: Array, v: Array, controls: Array, step_s: float
+    ) -> tuple[Array, Any]:
+        """Return (r, nu) the controls during the next step, and the state after it.
+
+        Args:
+            model: the compiled `mujoco.MjModel`.
+            state: of `start` or the step before.
+            q, v: (r, nq) and (r, nv) positions and velocities of each run.
+            controls: (r, nu) of each run, before the change.
+            step_s: length of the step.
+        """

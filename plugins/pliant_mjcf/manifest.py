@@ -5,12 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from pliant.registry.component import Component
+from pliant.registry.function import Function
 from pliant.registry.hookspecs import hookimpl
 
 CONTRACT = 3
+HERE = "pliant_mjcf"
 
 
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """Return the components."""
-    return []
+    return [
+        Component(
+            "model",
+            "mjcf",
+            f"{HERE}.config:MjcfModelConfig",
+            f"{HERE}.model:MjcfModel",
+            "a MuJoCo model: inputs drive its actuators, its sensors are compared",
+            requires=("mujoco",),
+            install="pip install 'pliant[mujoco]'",
+        )
+    ]
+
+
+@hookimpl
+def pliant_functions() -> Iterable[Function]:
+    """Return the function behind `pliant.MjcfModel`."""
+    return [Function("mjcf_model", f"{HERE}.python_interface:mjcf_model")]

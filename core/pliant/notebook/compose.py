@@ -43,6 +43,7 @@ class ComposedStudy(StudyHandle):
         name: str = "study",
         *,
         plugins: Sequence[str | Path] = (),
+        model: Block | None = None,
         family: Block | None = None,
         material: Block | None = None,
         fem: Block | None = None,
