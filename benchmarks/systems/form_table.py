@@ -217,7 +217,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "body_mass": Kind(
         "body",
-        0.6,
+        2.0,
         (
             (f("inertia by a higher power", e.heavier, p=(1.2, 1.5)),),
             (

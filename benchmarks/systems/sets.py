@@ -29,6 +29,7 @@ SPECTRA = {"judged": Spectrum(0.5, 0.5, 0.1), "calibration": Spectrum(0.5, 0.3, 
 TOLERANCE, ROUNDS, FIRST = 0.03, 14, 0.03
 # Share of the strength below which an effect does not show at its place, and places that are tried.
 ENOUGH, TRIES = 0.8, 4
+LIGHTEST = 0.6  # share of a body's mass that may be missing
 RIGHT_OF_UNKNOWN = ("unknown_effect", "not_repeatable")
 
 
@@ -118,9 +119,10 @@ def _hide(
     sign = float(rng.choice((-1.0, 1.0))) if kind.signed else 1.0
     at_all = kind.place in ("vector", "world") or (not kind.alone and truth.robot.alike and rng.uniform() < 0.5)
     tried = [tuple(names)] if at_all else [(names[k],) for k in rng.permutation(len(names))[:TRIES]]
-    for places in tried:
-        hidden = Hidden(spec.kind, form, places, numbers, sign)
-        found = scaled(truth.with_hidden(hidden).readings, kind.largest, clean, sigma, target)
+    for way, places in ((w, p) for w in dict.fromkeys((sign, abs(sign))) for p in tried):
+        hidden = Hidden(spec.kind, form, places, numbers, way)
+        largest = min(kind.largest, LIGHTEST) if way < 0.0 and kind.place == "body" else kind.largest
+        found = scaled(truth.with_hidden(hidden).readings, largest, clean, sigma, target)
         if found.signal >= ENOUGH * target:
             return hidden, found
     raise FailedTruthError(f"{spec.kind} does not show at {', '.join(' '.join(one) for one in tried)}")

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pliant.registry.component import Component
 from pliant.registry.function import Function
 from pliant.registry.hookspecs import hookimpl
+from pliant_mjcf.effects_manifest import effect_components
 
 CONTRACT = 3
 HERE = "pliant_mjcf"
@@ -24,7 +25,8 @@ def pliant_components() -> Iterable[Component]:
             "a MuJoCo model: inputs drive its actuators, its sensors are compared",
             requires=("mujoco",),
             install="pip install 'pliant[mujoco]'",
-        )
+        ),
+        *effect_components(),
     ]
 
 

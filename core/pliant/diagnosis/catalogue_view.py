@@ -67,7 +67,7 @@ class CatalogueView:
             reading_s: time per independent reading of an output; None where every sample is one.
         """
         measurement = _unread(runs, tuple(scales), predictor.is_conditioned)
-        driven = predictor.for_runs(measurement)
+        driven = predictor.for_planned_runs(measurement)
         added = [name for name in driven.outputs if name not in scales]
         every = dict(scales) | (_added_scales(driven, added) if added else {})
         outputs = [name for name in driven.outputs if name in every]

@@ -30,7 +30,7 @@ from pliant.interfaces.model import Channel, Drive, SystemModel, SystemParts
 from pliant.measurements.system_reading import largest_magnitudes
 from pliant.pipeline.workbench import RunContext
 from pliant.records.history import History
-from pliant.records.measurement import Measurement
+from pliant.records.measurement import MeasuredRun, Measurement
 
 # Effects of a kind with more places are tried at all of them alike only.
 MOST_PLACES = 40
@@ -54,6 +54,7 @@ class DrivenModel(MeasuredModel):
         self._magnitudes = largest_magnitudes(measurement)
         self._factors: dict[tuple[str, str], float] = {}
         self._lock = Lock()
+        self._firsts = tuple(map(_first_readings, measurement.runs))
         self._base = self._changed(self._parts(), self.effects)
         self._set_outputs()
         if not self.outputs:
@@ -131,7 +132,18 @@ class DrivenModel(MeasuredModel):
         """Return the same system, driven by other runs; scales stay those of the first ones."""
         other = copy.copy(self)
         other.measurement = measurement
+        other._firsts = tuple(map(_first_readings, measurement.runs))
         other._set_outputs()
+        return other
+
+    def for_planned_runs(self, measurement: Measurement) -> Self:
+        """Return the same system in runs that begin as the measured ones do, at the median of their first readings."""
+        other = self.for_runs(measurement)
+        names = self.measurement.outputs
+        firsts = [_first_readings(run) for run in self.measurement.runs]
+        known = {name: [one[name] for one in firsts if name in one] for name in names}
+        usual = {name: float(np.median(values)) for name, values in known.items() if values}
+        other._firsts = tuple(usual for _ in measurement.runs)
         return other
 
     def evaluate(
@@ -177,15 +189,8 @@ class DrivenModel(MeasuredModel):
         return parts
 
     def _drives(self, parts: SystemParts, histories: Sequence[History] | None) -> list[Drive]:
-        own = histories is None
         driven = [run.history for run in self.measurement.runs] if histories is None else histories
-        firsts: list[dict[str, float]] = [
-            {name: float(v[0]) for name, v in run.outputs.items() if len(v) and np.isfinite(v[0])}
-            if own
-            else {}
-            for run in self.measurement.runs
-        ]
-        return [Drive(parts.commanded(h), f) for h, f in zip(driven, firsts, strict=True)]
+        return [Drive(parts.commanded(h), f) for h, f in zip(driven, self._firsts, strict=True)]
 
     def _read(
         self, parts: SystemParts, drives: Sequence[Drive], readings: Sequence[RunReadings]
@@ -197,6 +202,11 @@ class DrivenModel(MeasuredModel):
             reported = parts.reported({**run, "time_s": time_s}) if parts.outputs else run
             runs.append({name: np.asarray(reported[name], float) for name in self.outputs})
         return tuple(runs)
+
+
+def _first_readings(run: MeasuredRun) -> dict[str, float]:
+    """Return the readings of a run's first sample, by output."""
+    return {name: float(v[0]) for name, v in run.outputs.items() if len(v) and np.isfinite(v[0])}
 
 
 def _steps(

@@ -96,6 +96,10 @@ class MeasuredModel(ABC):
     def for_runs(self, measurement: Measurement) -> Self:
         """Return the same model, driven by other runs. They may have other outputs."""
 
+    def for_planned_runs(self, measurement: Measurement) -> Self:
+        """Return the same model, driven by runs that were not done yet, whose readings are no readings."""
+        return self.for_runs(measurement)
+
     def with_known_states(self) -> tuple[Measurement, tuple[str, ...]]:
         """Return the measurement without readings that depend on unknown states, and sentences about them."""
         return self.measurement, ()

@@ -149,7 +149,7 @@ class SystemEffect(Effect):
     ``viscous_damping`` acts on all joints alike, ``viscous_damping@elbow`` on one, ``viscous_damping@arm_*`` on some.
     """
 
-    models = ("python", "mjcf")
+    models: ClassVar[tuple[str, ...]] = ("python", "mjcf")
 
     @property
     def pattern(self) -> str:

@@ -40,12 +40,10 @@ def with_files(registry: Registry, files: Sequence[Path]) -> Registry:
         UserError: a file that does not exist, is not Python, fails, has no effect, or uses an existing kind.
     """
     components = list(registry.components)
-    known = {(c.interface, c.kind): c for c in components}
     for file in files:
         for component in load_components(file):
-            there = known.get((component.interface, component.kind))
+            there = next((one for one in components if _is_same_kind(one, component)), None)
             if there is None:
-                known[component.interface, component.kind] = component
                 components.append(component)
             elif there.implementation != component.implementation:
                 raise UserError(
@@ -53,6 +51,13 @@ def with_files(registry: Registry, files: Sequence[Path]) -> Registry:
                     "name; give yours another kind."
                 )
     return replace(registry, components=tuple(components))
+
+
+def _is_same_kind(one: Component, other: Component) -> bool:
+    """Return whether both have one name; effects of different kinds of models may share theirs."""
+    if (one.interface, one.kind) != (other.interface, other.kind):
+        return False
+    return one.interface != "effect" or bool(set(one.models) & set(other.models))
 
 
 def load_components(file: Path) -> list[Component]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pliant.errors import PluginFailureError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
+from pliant.interfaces.model import SystemParts
 from pliant.records.chain import ChainModel
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.term import LawTerm, Role
@@ -38,19 +39,26 @@ class GuardedEffect(Effect):
             return str(error)
         return reason
 
-    def apply(self, model: Model) -> Model:
+    def apply(self, model: Any) -> Any:
+        """Return the model, or the parts of a system, with the effect, and guards about its maps."""
         with blamed_on(self.component, "apply"):
-            after = self.effect.apply(model)
-        _require(self.component, isinstance(after, Model), "apply", after, "a Model")
-        _require(self.component, isinstance(after.chain, ChainModel), "apply", after.chain, "a chain")
-        for term in after.chain.terms:
-            if not any(term is known for known in model.chain.terms):
-                _check_term(self.component, term, len(after.chain.joints))
+            after: Any = self.effect.apply(model)
+        if isinstance(model, SystemParts):
+            _require(self.component, isinstance(after, SystemParts), "act", after, "SystemParts")
+        else:
+            self._check_chain(model, after)
         return replace(
             after,
             inputs=self._guarded(model.inputs, after.inputs, History),
             outputs=self._guarded(model.outputs, after.outputs, Mapping),
         )
+
+    def _check_chain(self, model: Model, after: Any) -> None:
+        _require(self.component, isinstance(after, Model), "apply", after, "a Model")
+        _require(self.component, isinstance(after.chain, ChainModel), "apply", after.chain, "a chain")
+        for term in after.chain.terms:
+            if not any(term is known for known in model.chain.terms):
+                _check_term(self.component, term, len(after.chain.joints))
 
     def _guarded(self, before: Sequence[Any], now: Sequence[Any], kind: type) -> tuple[Any, ...]:
         """Return the maps, with those that the effect added as `GuardedMap`s."""

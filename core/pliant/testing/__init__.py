@@ -33,6 +33,7 @@ from pliant.errors import (
 from pliant.execution.progress import Progress, Silent, open_progress_bar
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.registry.component import Component
+from pliant.registry.discovery import CHAIN
 from pliant.registry.interface import interfaces
 
 T = TypeVar("T")
@@ -331,6 +332,10 @@ def run_checks(
             try:
                 if first:
                     raise CheckSkipped(f"not run: '{first}' fails first")
+                if component.interface == "effect" and CHAIN not in component.models and not check.declares:
+                    raise CheckSkipped(
+                        "not run: its samples are chains, and the effect is of a user's own model"
+                    )
                 check.run(subject)
             except CheckSkipped as skipped:
                 status, message = "skipped", str(skipped)

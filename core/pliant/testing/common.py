@@ -12,7 +12,7 @@ from typing import get_args
 from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError
-from pliant.registry.discovery import discover
+from pliant.registry.discovery import CHAIN, discover
 from pliant.registry.files import FILE_MODULE
 from pliant.registry.interface import interfaces
 from pliant.testing import Finding, Subject, remarked, require, require_refused
@@ -33,7 +33,10 @@ def config_names_its_kind(subject: Subject) -> None:
     """`kind: Literal["mine"] = "mine"` narrows the config to the kind that the manifest names."""
     kind, whose = subject.component.kind, f"{subject.model.__name__}.kind"
     field = subject.model.model_fields["kind"]
-    require(get_args(field.annotation) == (kind,), f"{whose} is {field.annotation}, not Literal['{kind}']")
+    # Effects of users' own models: `kind: str = effect_kind("mine")`, with names of places behind it.
+    open_ended = field.annotation is str and CHAIN not in subject.component.models
+    narrow = open_ended or get_args(field.annotation) == (kind,)
+    require(narrow, f"{whose} is {field.annotation}, not Literal['{kind}']")
     require(field.default == kind, f"{whose} has the default {field.default!r}, not '{kind}'")
 
 
