@@ -180,6 +180,7 @@ ROBOTS: Mapping[str, Robot] = {
             {f"drive{k}": (f"motor{k}", 0.0, a) for k, a in ((1, 0.012), (2, 0.012))},
             {"angle1_rad": "joint0", "angle2_rad": "joint1"},
             {"tip": ("tip", "xy")},
+            duration_s=6.0,
             without=(*FLAT, *LIGHT),
         ),
         Robot(
