@@ -46,7 +46,7 @@ from benchmarks.evidence.counting import summary
 from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import as_text, expected_time
-from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Plan, Task, planned, small_plan
+from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
 from benchmarks.output import OUT, make_parser

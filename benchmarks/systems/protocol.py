@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.systems.equations import Array
 from benchmarks.systems.robots import Robot
+from benchmarks.systems.shapes import Array
 
 QUIET_S, RAMP_S = 0.4, 0.4
 RUNS = ("slow_1", "slow_2", "fast", "steps", "many_1", "many_2", "small", "in_turn")
@@ -35,9 +35,7 @@ def protocol(robot: Robot, rng: np.random.Generator) -> tuple[Run, ...]:
     }  # fmt: skip
     centre, size = (np.array([one[k] for one in robot.inputs.values()]) for k in (1, 2))
     rise = np.clip((clock - QUIET_S) / RAMP_S, 0.0, 1.0)[:, None]
-    return tuple(
-        Run(name, clock, centre + size * rise * shapes[name.rstrip("_12")]) for name in RUNS
-    )
+    return tuple(Run(name, clock, centre + size * rise * shapes[name.rstrip("_12")]) for name in RUNS)
 
 
 def _cycles(clock: Array, hz: Array, rng: np.random.Generator) -> Array:

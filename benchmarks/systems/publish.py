@@ -69,7 +69,9 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
         ("false alarms, nothing hidden", data["false_alarms"]),
         ("unknown effect recognised", data["unknown"]),
     )
-    yield from pages.table("what | reached | 95 % (Wilson), sets", ((w, percent(v), interval(v)) for w, v in rows))
+    yield from pages.table(
+        "what | reached | 95 % (Wilson), sets", ((w, percent(v), interval(v)) for w, v in rows)
+    )
 
 
 def by_system(data: dict[str, Any]) -> Iterator[str]:
@@ -87,7 +89,9 @@ def by_system(data: dict[str, Any]) -> Iterator[str]:
         for name in ROBOTS
         if name in data["minutes"]
     )
-    yield from pages.table("system | with place | strictly | by class | false alarms | unknown recognised", rows)
+    yield from pages.table(
+        "system | with place | strictly | by class | false alarms | unknown recognised", rows
+    )
 
 
 def by_effect(data: dict[str, Any]) -> Iterator[str]:
@@ -103,7 +107,15 @@ def by_effect(data: dict[str, Any]) -> Iterator[str]:
         for kind, one in data["by_kind"].items()
     ]
     for kind, one in data["unknown_by_form"].items():
-        rows.append((f"`{kind}` (unknown)", "", ratio(one), "", ", ".join(f"{a} {n}" for a, n in data["answers"][kind].items())))
+        rows.append(
+            (
+                f"`{kind}` (unknown)",
+                "",
+                ratio(one),
+                "",
+                ", ".join(f"{a} {n}" for a, n in data["answers"][kind].items()),
+            )
+        )
     yield from pages.table("hidden | with place | strictly | by class | answered otherwise", rows)
 
 
@@ -131,7 +143,11 @@ def forms(data: dict[str, Any]) -> Iterator[str]:
     """Hidden effects: the equations of every kind in either split."""
     for title, kinds in (("effect", KINDS), ("unknown effect", UNKNOWN)):
         rows = (
-            (f"`{kind}`", one.place.replace("_", " "), *(", ".join(f.name for f in split) for split in one.forms))
+            (
+                f"`{kind}`",
+                one.place.replace("_", " "),
+                *(", ".join(f.name for f in split) for split in (one.calibration, one.judged)),
+            )
             for kind, one in kinds.items()
         )
         yield from pages.table(f"{title} | where | in calibration sets | in judged sets", rows)
@@ -141,13 +157,21 @@ def forms(data: dict[str, Any]) -> Iterator[str]:
 def systems(data: dict[str, Any]) -> Iterator[str]:
     """The systems."""
     rows = (
-        (f"`{r.name}`", r.package or "this bed", len(r.inputs), len(r.columns), f"{r.duration_s:g} s at {r.sampled_hz:g} Hz")
+        (
+            f"`{r.name}`",
+            r.package or "this bed",
+            len(r.inputs),
+            len(r.columns),
+            f"{r.duration_s:g} s at {r.sampled_hz:g} Hz",
+        )
         for r in ROBOTS.values()
     )
     yield from pages.table("system | package of its file | inputs | outputs | eight runs of", rows)
 
 
-TABLES: pages.Tables = {t.__name__: t for t in (measured, bars, by_system, by_effect, times, runs, forms, systems)}
+TABLES: pages.Tables = {
+    t.__name__: t for t in (measured, bars, by_system, by_effect, times, runs, forms, systems)
+}
 
 
 def percent(value: dict[str, Any]) -> str:

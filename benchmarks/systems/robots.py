@@ -210,6 +210,7 @@ ROBOTS: Mapping[str, Robot] = {
             {"pull_m": ("pull", 0.129, 0.008)},
             {f"bend{k}_rad": f"bend{k}" for k in (1, 3, 6)},
             {"tip": ("tip", "xz")},
+            without=("dead_zone", "saturation", "centre_of_mass", "body_inertia", "joint_coupling"),
             settle_s=1.5,
             duration_s=6.0,
         ),

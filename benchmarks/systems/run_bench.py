@@ -37,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the bench."""
     parser = make_parser(__doc__)
     parser.add_argument("--small", action="store_true", help="a few sets of the smallest system")
-    parser.add_argument("--sealed", action="store_true", help="judge this code, on sets drawn for it; in the ledger")
+    parser.add_argument(
+        "--sealed", action="store_true", help="judge this code, on sets drawn for it; in the ledger"
+    )
     parser.add_argument("--digest", action="store_true", help="only which code of the diagnosis this is")
     parser.add_argument("--summarise", action="store_true", help="only the tables of what is there")
     parser.add_argument("--plan-only", action="store_true", help="only how many sets of what")
@@ -55,7 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(code)
         return
     changes = {name: getattr(given, name) for name in ("kinds", "seeds", "clean") if getattr(given, name)}
-    if given.sealed and (changes or given.small or given.name or given.systems or not 0.0 < given.share <= 1.0):
+    if given.sealed and (
+        changes or given.small or given.name or given.systems or not 0.0 < given.share <= 1.0
+    ):
         raise SystemExit("a sealed run is the whole plan or a --share of it: leave the other options out")
     plan = small_plan() if given.small else SystemPlan(tuple(r.name for r in present(tuple(given.systems))))
     plan = replace(plan, share=given.share, **changes)
@@ -69,12 +73,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     folder = (given.out / "systems").resolve()
     bench = Bench(folder, name, workers=given.workers, stored=stored, maker=make, parts=CODE)
     if not given.summarise:
-        noted = in_the_ledger(bench, plan, LEDGER, ANSWERS, headline) if given.sealed else contextlib.nullcontext()
+        noted = (
+            in_the_ledger(bench, plan, LEDGER, ANSWERS, headline)
+            if given.sealed
+            else contextlib.nullcontext()
+        )
         with noted:
             run(bench, plan)
     data = summary(judged_twice(answers(bench, plan)))
     print(as_text(data))
-    write_atomically(given.out / f"systems{'' if name == 'full' else f'_{name}'}.json", json.dumps(data, indent=1))
+    write_atomically(
+        given.out / f"systems{'' if name == 'full' else f'_{name}'}.json", json.dumps(data, indent=1)
+    )
     if data["errors"]:
         sys.exit(1)  # errors are no answers
 

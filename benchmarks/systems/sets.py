@@ -104,12 +104,19 @@ def _named(kind: str, truth: Truth, places: tuple[str, ...]) -> str:
     """Return the kind, with its place where it is at one of several."""
     if kind not in KINDS or KINDS[kind].place in ("vector", "world") or len(places) != 1:
         return kind
-    group = {"spring": "joint", "drive": "joint", "pulled": "tendon"}.get(KINDS[kind].place, KINDS[kind].place)
+    group = {"spring": "joint", "drive": "joint", "pulled": "tendon"}.get(
+        KINDS[kind].place, KINDS[kind].place
+    )
     return f"{kind}{AT}{places[0]}" if len(truth.names(group)) > 1 else kind
 
 
 def _hide(
-    spec: SystemSpec, truth: Truth, clean: Outputs, sigma: dict[str, float], target: float, rng: np.random.Generator
+    spec: SystemSpec,
+    truth: Truth,
+    clean: Outputs,
+    sigma: dict[str, float],
+    target: float,
+    rng: np.random.Generator,
 ) -> tuple[Hidden, Scaled]:
     """Draw form, numbers and place of the effect, until it reaches its strength at a place."""
     kind = EVERY[spec.kind]
@@ -117,19 +124,25 @@ def _hide(
     form = forms[int(rng.integers(len(forms)))]
     numbers = {name: float(rng.uniform(*ends)) for name, ends in form.ranges.items()}
     sign = float(rng.choice((-1.0, 1.0))) if kind.signed else 1.0
-    at_all = kind.place in ("vector", "world") or (not kind.alone and truth.robot.alike and rng.uniform() < 0.5)
+    at_all = kind.place in ("vector", "world") or (
+        not kind.alone and truth.robot.alike and rng.uniform() < 0.5
+    )
     tried = [tuple(names)] if at_all else [(names[k],) for k in rng.permutation(len(names))[:TRIES]]
     for way, places in ((w, p) for w in dict.fromkeys((sign, abs(sign))) for p in tried):
         hidden = Hidden(spec.kind, form, places, numbers, way)
         largest = min(kind.largest, LIGHTEST) if way < 0.0 and kind.place == "body" else kind.largest
         found = scaled(truth.with_hidden(hidden).readings, largest, clean, sigma, target)
-        if found.signal >= ENOUGH * target:
+        if ENOUGH * target <= found.signal <= target / ENOUGH:
             return hidden, found
     raise FailedTruthError(f"{spec.kind} does not show at {', '.join(' '.join(one) for one in tried)}")
 
 
 def scaled(
-    outputs: Callable[[float], Outputs], largest: float, clean: Outputs, sigma: dict[str, float], target: float
+    outputs: Callable[[float], Outputs],
+    largest: float,
+    clean: Outputs,
+    sigma: dict[str, float],
+    target: float,
 ) -> Scaled:
     """Return the truth with the target signal, or at the largest strength: by secants of the logarithms."""
     strength, slope, before, best = FIRST, 1.0, None, Scaled(0.0, clean, 0.0)
@@ -143,7 +156,11 @@ def scaled(
         now = Scaled(strength, read, signal(clean, read, sigma))
         best = min(best, now, key=lambda one: abs(math.log(max(one.signal, 1e-12) / target)))
         short = now.signal < target and strength >= largest
-        if abs(now.signal - target) <= TOLERANCE * target or short or now.signal == 0.0 and strength >= largest:
+        if (
+            abs(now.signal - target) <= TOLERANCE * target
+            or short
+            or (now.signal == 0.0 and strength >= largest)
+        ):
             break
         reached = max(now.signal, 1e-3 * target)
         if before and before[0] != strength and before[1] != reached:
@@ -169,7 +186,10 @@ def _with_noise(
     runs: tuple[Run, ...], outputs: Outputs, sigma: dict[str, float], split: Split, rng: np.random.Generator
 ) -> Outputs:
     return [
-        {name: values + sigma[name] * draw_noise(SPECTRA[split], run.time_s, rng) for name, values in read.items()}
+        {
+            name: values + sigma[name] * draw_noise(SPECTRA[split], run.time_s, rng)
+            for name, values in read.items()
+        }
         for run, read in zip(runs, outputs, strict=True)
     ]
 

@@ -20,7 +20,11 @@ from benchmarks.systems.truth import Truth
 from pliant.store.store import write_atomically
 
 # Whatever changes the measured sets: a change there makes other sets, with other names.
-TRUTH_FILES = ("equations.py", "form_table.py", "protocol.py", "robots.py", "sets.py", "truth.py", "soft_finger.xml")
+TRUTH_FILES = (
+    *(f"{name}_equations.py" for name in ("signal", "force", "number")),
+    *(f"{name}.py" for name in ("shapes", "form_table", "protocol", "robots", "simulation", "truth", "sets")),
+    "soft_finger.xml",
+)
 # Code that determines a diagnosis of a MuJoCo model.
 CODE = (
     "core/pliant/diagnosis",

@@ -1,7 +1,7 @@
 """The simulation of a truth: another integrator at a quarter of the file's step, with the hidden effect in it.
 
-The model's numbers are off by about 0.4 % from the file that the diagnoser gets. Signals pass their equations at the fine
-steps; forces act in a loop of their own over all runs; the rest are changes of numbers.
+The model's numbers are off by about 0.4 % from the file that the diagnoser gets. Signals pass their equations at the
+fine steps; forces act in a loop of their own over all runs; the rest are changes of numbers.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from benchmarks.systems.equations import Array, Force, Now, Sizes
+from benchmarks.systems.force_equations import Force, Sizes
 from benchmarks.systems.form_table import EVERY, Form
 from benchmarks.systems.protocol import Run
 from benchmarks.systems.robots import Robot, mjcf
+from benchmarks.systems.shapes import TINY, Array
+from benchmarks.systems.simulation import drive_gains, is_tendon, push, seen
 from mujoco.rollout import rollout
 
 FINER = 4
@@ -72,7 +74,10 @@ class Truth:
 
     def model(self) -> Any:
         """Return the compiled model with its own numbers, integrator and step."""
-        model = mujoco.MjModel.from_xml_string(mjcf(self.robot.name))
+        spec = mujoco.MjSpec.from_string(mjcf(self.robot.name))
+        for body in spec.bodies[1:]:
+            body.gravcomp = TINY  # MuJoCo looks at it only where the compiler has seen one
+        model = spec.compile()
         rng = np.random.default_rng(self.seed)
         for values in (model.body_mass, model.dof_damping, model.jnt_stiffness, model.body_pos):
             values *= 1.0 + NUMBERS_OFF * rng.standard_normal((len(values),) + (1,) * (values.ndim - 1))
@@ -103,8 +108,8 @@ class Truth:
         drives = [k for k in range(model.nu) if model.actuator_biasprm[k, 1] < 0.0]
         joints = [model.joint(k) for k in range(model.njnt)]
         tendons = [model.tendon(k).name for k in range(model.ntendon)]
-        pulled = {int(model.actuator_trnid[k, 0]) for k in drives if _is_tendon(model, k)}
-        driven = {int(model.actuator_trnid[k, 0]) for k in drives if not _is_tendon(model, k)}
+        pulled = {int(model.actuator_trnid[k, 0]) for k in drives if is_tendon(model, k)}
+        driven = {int(model.actuator_trnid[k, 0]) for k in drives if not is_tendon(model, k)}
         found: dict[str, Sequence[str]] = {
             "input": tuple(self.robot.inputs),
             "all_inputs": ("all",) if len(self.robot.inputs) > 1 else (),
@@ -176,7 +181,11 @@ class Truth:
         names = [name for k in range(model.nsensor) for name in self._columns(model, k)]
         hidden = self.hidden
         if hidden and hidden.place in ("output", "vector"):
-            own = hidden.places if hidden.place == "output" else [f"{p}_{c}_m" for p in hidden.places for c in "xyz"]
+            own = (
+                hidden.places
+                if hidden.place == "output"
+                else [f"{p}_{c}_m" for p in hidden.places for c in "xyz"]
+            )
             chosen = [names.index(name) for name in own]
             top = np.abs(sensors[:, self.clock >= 0.0]).max(axis=(0, 1))[chosen]
             for run in sensors:
@@ -200,10 +209,10 @@ class Truth:
         typical = [np.full(len(chosen), np.median(one)) for one in typical]
         if what == "tendon":
             rest = model.tendon_lengthspring[chosen, 0]
-            return Sizes(*typical, middle[chosen], rest, _drive_gains(model, chosen, True))
+            return Sizes(*typical, middle[chosen], rest, drive_gains(model, chosen, True))
         address = model.jnt_qposadr[chosen]
         own = model.jnt_stiffness[chosen]
-        gain = own if self.hidden and self.hidden.place == "spring" else _drive_gains(model, chosen, False)
+        gain = own if self.hidden and self.hidden.place == "spring" else drive_gains(model, chosen, False)
         return Sizes(*typical, middle[chosen], model.qpos_spring[address], gain)
 
     def _force(self, model: Any, s: float) -> tuple[str, list[int], Force] | None:
@@ -235,7 +244,7 @@ class Truth:
                 change(float(time_s))
             damping = [None] * len(data)
             if force:
-                damping = _push(model, data, force, controls[:, k], float(time_s))
+                damping = push(model, data, force, controls[:, k], float(time_s))
             for r, one in enumerate(data):
                 if damping[r] is not None:
                     model.dof_damping[:] = bare + damping[r]
@@ -245,75 +254,8 @@ class Truth:
             model.dof_damping[:] = bare
             if not force and not change:
                 for what in ("joint", "tendon"):
-                    for name, values in zip("qva", _seen(model, data, what), strict=True):
+                    for name, values in zip("qva", seen(model, data, what), strict=True):
                         kept[f"{what} {name}"].append(values)
         stacked = {key: np.stack(some, axis=1) for key, some in kept.items() if some}
         parts = [{w: stacked[f"{w} {n}"] for w in ("joint", "tendon") if stacked} for n in "qva"]
         return sensors, Moves(*parts)
-
-
-def _push(
-    model: Any, data: Sequence[Any], force: tuple[str, list[int], Force], controls: Array, time_s: float
-) -> list[Any]:
-    """Apply the force of this step to all runs; return the damping that it adds at each run's coordinates."""
-    what, chosen, equation = force
-    q, v, drive = (one[:, chosen] for one in _seen(model, data, what))
-    now = Now(q, v, drive, _commands(model, controls, what, chosen), time_s, float(model.opt.timestep))
-    pushed, damped = (np.broadcast_to(np.asarray(one, float), q.shape) for one in equation(now))
-    found: list[Any] = []
-    for r, one in enumerate(data):
-        one.qfrc_applied[:] = 0.0
-        if what == "tendon":
-            along = pushed[r] - damped[r] * v[r]
-            one.qfrc_applied[:] = _tendon_jacobian(model, one)[chosen].T @ along
-            found.append(None)
-            continue
-        dofs = model.jnt_dofadr[chosen]
-        one.qfrc_applied[dofs] = pushed[r]
-        more = np.zeros(model.nv)
-        more[dofs] = damped[r]
-        found.append(more)
-    return found
-
-
-def _seen(model: Any, data: Sequence[Any], what: str) -> tuple[Array, Array, Array]:
-    """Return (r, n) positions, speeds and drives of all joints or tendons."""
-    if what == "joint":
-        dofs = model.jnt_dofadr
-        q = np.array([one.qpos[model.jnt_qposadr] for one in data])
-        return q, np.array([d.qvel[dofs] for d in data]), np.array([d.qfrc_actuator[dofs] for d in data])
-    own = np.zeros((model.ntendon, model.nu))
-    for k in range(model.nu):
-        if _is_tendon(model, k):
-            own[model.actuator_trnid[k, 0], k] = model.actuator_gear[k, 0]
-    q, v = np.array([d.ten_length for d in data]), np.array([d.ten_velocity for d in data])
-    return q, v, np.array([own @ d.actuator_force for d in data])
-
-
-def _commands(model: Any, controls: Array, what: str, chosen: Sequence[int]) -> Array:
-    """Return (r, n) the command of the actuator at each place; 0 without one."""
-    found = np.zeros((len(controls), len(chosen)))
-    for k in range(model.nu):
-        if _is_tendon(model, k) == (what == "tendon") and model.actuator_trnid[k, 0] in chosen:
-            found[:, list(chosen).index(int(model.actuator_trnid[k, 0]))] = controls[:, k]
-    return found
-
-
-def _drive_gains(model: Any, chosen: Sequence[int], tendon: bool) -> Array:
-    found = np.zeros(len(chosen))
-    for k in range(model.nu):
-        if _is_tendon(model, k) == tendon and model.actuator_trnid[k, 0] in chosen:
-            found[list(chosen).index(int(model.actuator_trnid[k, 0]))] = model.actuator_gainprm[k, 0]
-    return found
-
-
-def _is_tendon(model: Any, actuator: int) -> bool:
-    return bool(model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON)
-
-
-def _tendon_jacobian(model: Any, data: Any) -> Array:
-    dense = np.zeros((model.ntendon, model.nv))
-    for k in range(model.ntendon):
-        start, count = int(model.ten_J_rowadr[k]), int(model.ten_J_rownnz[k])
-        dense[k, model.ten_J_colind[start : start + count]] = data.ten_J[start : start + count]
-    return dense
