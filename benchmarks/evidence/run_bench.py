@@ -32,7 +32,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 # Before numpy; child processes inherit it. Two diagnosers on two cores must not fight for them.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
@@ -108,7 +108,7 @@ class Bench:
     workers: int = 2
     shard: tuple[int, int] = (1, 1)
     stored: Mapping[str, dict[str, Any]] = field(default_factory=dict)
-    maker: Callable[..., None] = make
+    maker: Callable[..., None] | None = None
     parts: tuple[str, ...] = ledger.CODE
 
     @property
@@ -229,7 +229,7 @@ def run(bench: Bench, plan: Planned, scheduler: str | None = None) -> None:
             while waiting and asking.waiting < bench.workers + AHEAD:
                 job = waiting.pop(0)
                 with unmade(bench, job.name):
-                    bench.maker(job.task, job.name, bench.sets, key)
+                    (bench.maker or make)(job.task, job.name, bench.sets, key)
                     put(job)
             for one in asking.completed():
                 job = asked.pop(one.item.name)
@@ -277,14 +277,15 @@ def in_the_ledger(
 ) -> Iterator[None]:
     """Write a line of the ledger at the start and at the end or stop of a sealed run, with the answers by then."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    sets = len(replace(plan, share=1.0).tasks())
-    began = {
+    any_plan = cast(Any, plan)  # a frozen dataclass
+    sets = len(replace(any_plan, share=1.0).tasks())
+    began: dict[str, Any] = {
         "run": f"{plan.draw} {ledger.now()}",
         "began": ledger.now(),
         "commit": ledger.commit(bench.parts),
         "code": plan.draw,
     }
-    began |= {"plan": asdict(plan), "share": plan.share, "planned": sets}
+    began |= {"plan": asdict(any_plan), "share": plan.share, "planned": sets}
     ledger.note(began, path)
     try:
         yield

@@ -16,6 +16,7 @@ import json
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -201,54 +202,48 @@ def _parameters(robot: Robot, model: Any) -> Any:
     """Return what is fitted: damping, friction loss and armature of joints, masses, gains of actuators."""
     found = sysid.ParameterDict()
 
-    def add(name: str, value: float, high: float, modifier: Callable[[Any, Any], None]) -> None:
+    def add(name: str, value: float, high: float, change: Callable[[Any, float], None]) -> None:
+        def modifier(spec: Any, parameter: Any) -> None:
+            change(spec, float(parameter.value[0]))
+
         found.add(sysid.Parameter(name, value, 0.0, high, modifier=modifier))
 
     for k in range(model.njnt):
         name, dof = model.joint(k).name, int(model.jnt_dofadr[k])
-        damping, friction, armature = (
-            float(v[dof]) for v in (model.dof_damping, model.dof_frictionloss, model.dof_armature)
-        )
         size = float(1.0 / model.dof_invweight0[dof])
-        add(
-            f"damping {name}",
-            damping,
-            5.0 * (damping + size),
-            lambda s, p, n=name: _set_damping(s.joint(n), p.value[0]),
-        )
-        add(
-            f"friction {name}",
-            friction,
-            5.0 * (friction + size),
-            lambda s, p, n=name: setattr(s.joint(n), "frictionloss", p.value[0]),
-        )
-        add(
-            f"armature {name}",
-            armature,
-            5.0 * (armature + size),
-            lambda s, p, n=name: setattr(s.joint(n), "armature", p.value[0]),
-        )
+        for what, values in (
+            ("damping", model.dof_damping),
+            ("frictionloss", model.dof_frictionloss),
+            ("armature", model.dof_armature),
+        ):
+            value = float(values[dof])
+            add(f"{what} {name}", value, 5.0 * (value + size), partial(_set_joint, name, what))
     for k in range(1, model.nbody) if "body_mass" not in robot.without else ():
         name, mass = model.body(k).name, float(model.body_mass[k])
         if mass > 0.0:
-            add(f"mass {name}", mass, 5.0 * mass, lambda s, p, n=name: setattr(s.body(n), "mass", p.value[0]))
+            add(f"mass {name}", mass, 5.0 * mass, partial(_set_mass, name))
     for actuator, _, _ in robot.inputs.values():
-        add(
-            f"gain {actuator}",
-            1.0,
-            3.0,
-            lambda s, p, n=actuator: _scale_gain(s.actuator(n), model, n, p.value[0]),
-        )
+        stated = float(model.actuator_gainprm[model.actuator(actuator).id, 0])
+        add(f"gain {actuator}", 1.0, 3.0, partial(_scale_gain, actuator, stated))
     return found
 
 
-def _set_damping(joint: Any, value: float) -> None:
-    joint.damping = np.array([value, *np.array(joint.damping)[1:]])
+def _set_joint(name: str, what: str, spec: Any, value: float) -> None:
+    """Set a number of a joint; of a polynomial the linear coefficient."""
+    joint = spec.joint(name)
+    now = np.atleast_1d(np.array(getattr(joint, what), float))
+    now[0] = value
+    setattr(joint, what, now if np.ndim(getattr(joint, what)) else value)
 
 
-def _scale_gain(actuator: Any, model: Any, name: str, factor: float) -> None:
+def _set_mass(name: str, spec: Any, value: float) -> None:
+    spec.body(name).mass = value
+
+
+def _scale_gain(name: str, stated: float, spec: Any, factor: float) -> None:
+    actuator = spec.actuator(name)
     gains = np.array(actuator.gainprm)
-    gains[0] = factor * model.actuator_gainprm[model.actuator(name).id, 0]
+    gains[0] = factor * stated
     actuator.gainprm = gains
 
 

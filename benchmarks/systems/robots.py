@@ -164,8 +164,10 @@ def _own(folder: Path) -> Any:
     return mujoco.MjSpec.from_file(str(folder / "soft_finger.xml"))
 
 
-PUSHER = ("shoulder_pan", "shoulder_lift", "upper_arm_roll", "elbow_flex", "forearm_roll", "wrist_flex")
-PUSHER += ("wrist_roll",)
+PUSHER = (
+    *("shoulder_pan", "shoulder_lift", "upper_arm_roll", "elbow_flex"),
+    *("forearm_roll", "wrist_flex", "wrist_roll"),
+)
 PUSHER_N_M = (0.6, 0.4, 0.06, 0.1, 0.05, 0.04, 0.05)
 PANDA_RAD = ((0.0, 0.5), (0.3, 0.4), (0.0, 0.5), (-1.8, 0.5), (0.0, 0.5), (0.3, 0.5), (0.0, 0.5))
 FLAT = ("gravity_scale", "gravity_direction", "base_misalignment")

@@ -90,7 +90,9 @@ class Truth:
     def clock(self) -> Array:
         """Return (k,) the fine steps' times; before zero the system comes to rest."""
         step = float(mujoco.MjModel.from_xml_string(mjcf(self.robot.name)).opt.timestep) / FINER
-        return step * np.arange(-round(self.robot.settle_s / step), round(self.robot.duration_s / step) + 2)
+        return np.asarray(
+            step * np.arange(-round(self.robot.settle_s / step), round(self.robot.duration_s / step) + 2)
+        )
 
     def start(self, model: Any) -> Array:
         """Return the state before the first step."""
@@ -206,14 +208,14 @@ class Truth:
         span, middle = 0.5 * np.ptp(q[:, moving], axis=(0, 1)), q[:, moving].mean(axis=(0, 1))
         speed, force = v[:, moving].std(axis=(0, 1)), drive[:, moving].std(axis=(0, 1))
         typical = [np.maximum(one, LEAST * one.max())[chosen] for one in (force, span, speed)]
-        typical = [np.full(len(chosen), np.median(one)) for one in typical]
+        size_f, size_q, size_v = (np.full(len(chosen), np.median(one)) for one in typical)
         if what == "tendon":
             rest = model.tendon_lengthspring[chosen, 0]
-            return Sizes(*typical, middle[chosen], rest, drive_gains(model, chosen, True))
+            return Sizes(size_f, size_q, size_v, middle[chosen], rest, drive_gains(model, chosen, True))
         address = model.jnt_qposadr[chosen]
         own = model.jnt_stiffness[chosen]
         gain = own if self.hidden and self.hidden.place == "spring" else drive_gains(model, chosen, False)
-        return Sizes(*typical, middle[chosen], model.qpos_spring[address], gain)
+        return Sizes(size_f, size_q, size_v, middle[chosen], model.qpos_spring[address], gain)
 
     def _force(self, model: Any, s: float) -> tuple[str, list[int], Force] | None:
         """Return whether the hidden force acts at joints or tendons, at which, and its equation, started anew."""
