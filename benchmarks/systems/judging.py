@@ -1,6 +1,7 @@
 """Answers judged twice: with the place of the effect, and without, since a right kind at a wrong place is half right.
 
-A place is the name behind the @ of a kind; a kind without one is at all places alike.
+A place is the name behind the @ of a kind; a kind without one is at all places alike. Without places, an effect at two
+places with two strengths is one kind, and so is a class whose members differ in the place alone.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ def without_places(answer: Mapping[str, Any]) -> dict[str, Any]:
     """Return an answer whose label and result name kinds without places; a class of one kind becomes that kind."""
     result = dict(answer["result"])
     result |= {key: _plain(result[key]) for key in CHANGED if result.get(key)}
-    members = sorted(set(result.get("selected_class") or ()))
+    members = result.get("selected_class") or ()
     if len(members) == 1:
-        beside = result.get("beside_class") or []
-        result |= {"selected": [*beside, *members], "selected_class": [], "verdict": "missing_effect"}
+        named = list(dict.fromkeys([*(result.get("beside_class") or ()), *members]))
+        result |= {"selected": named, "selected_class": [], "beside_class": [], "verdict": "missing_effect"}
     label = {**answer["label"], "kind": answer["label"]["kind"].partition(AT)[0]}
     return {**answer, "label": label, "result": result}
 
@@ -50,7 +51,10 @@ def _plain(value: Any) -> Any:
         return value.partition(AT)[0]
     if isinstance(value, Mapping):
         return {key: _plain(one) if key == "kinds" else one for key, one in value.items()}
-    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
+    if not isinstance(value, list | tuple):
+        return value
+    plain = [_plain(one) for one in value]
+    return list(dict.fromkeys(plain)) if all(isinstance(one, str) for one in plain) else plain
 
 
 def summary(items: Sequence[Twice]) -> dict[str, Any]:

@@ -179,6 +179,11 @@ def test_a_class_of_one_kind_at_several_places_is_that_kind() -> None:
     assert bare["result"]["selected"] == ["viscous_damping"] and bare["result"]["selected_class"] == []
     (twice,) = judged_twice([found])
     assert twice.kind.is_right and not twice.placed.is_right and twice.placed.by_class
+    both = answer(
+        "saturation", verdict="ambiguous", selected_class=["saturation", "saturation@b"], selected=[]
+    )
+    both["result"]["beside_class"] = ["saturation@a"]
+    assert without_places(both)["result"]["selected"] == ["saturation"]
 
 
 def test_the_page_has_the_stored_answers() -> None:
