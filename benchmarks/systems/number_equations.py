@@ -75,9 +75,10 @@ def near(along: Array) -> Array:
 
 
 def lighter(model: Any, body: int, s: float, x: Numbers, shape: Callable[[Array], Array]) -> None:
-    """Scale weights by forces that act against them, more at the far bodies or at the near ones."""
-    along = np.linspace(0.0, 1.0, model.nbody - 1)
-    model.body_gravcomp[1:] -= s * (1.0 + x["a"] * shape(along))
+    """Scale the weights of bodies unequally: a larger gravity, and forces that carry a part of each."""
+    factors = 1.0 + s * (1.0 + x["a"] * shape(np.linspace(0.0, 1.0, model.nbody - 1)))
+    model.opt.gravity[:] *= factors.max()
+    model.body_gravcomp[1:] = 1.0 - factors / factors.max()
 
 
 def tilted(model: Any, body: int, s: float, x: Numbers, shape: Any) -> None:

@@ -21,6 +21,8 @@ from benchmarks.systems.shapes import TINY, Array
 from benchmarks.systems.simulation import drive_gains, is_tendon, push, seen
 from mujoco.rollout import rollout
 
+from pliant_plugins.physics.mujoco.warned import silent
+
 FINER = 4
 NUMBERS_OFF = 0.004
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -139,6 +141,10 @@ class Truth:
         Raises:
             FailedTruthError: the simulation diverges.
         """
+        with silent():
+            return self._readings(strength)
+
+    def _readings(self, strength: float) -> list[dict[str, Array]]:
         hidden, model, change = self.hidden, self.model(), None
         s = strength * (hidden.sign if hidden else 1.0)
         if hidden and hidden.place in ("body", "world"):
@@ -146,6 +152,7 @@ class Truth:
             for body in bodies:
                 change = hidden.form.equation(model, body, s, hidden.numbers, hidden.form.shape)
         mujoco.mj_setConst(model, mujoco.MjData(model))
+        model.body_gravcomp[model.body_gravcomp == TINY] = 0.0
         if (hidden and hidden.place in FORCES) or change:
             sensors, _ = self._loop(model, self._force(model, s), change)
         else:
@@ -252,6 +259,8 @@ class Truth:
                     model.dof_damping[:] = bare + damping[r]
                 one.ctrl[:] = controls[r, k]
                 mujoco.mj_step(model, one)
+                if one.warning.number.any():
+                    raise FailedTruthError("the truth diverges")
                 sensors[r, k] = one.sensordata
             model.dof_damping[:] = bare
             if not force and not change:
