@@ -51,6 +51,7 @@ NUMBERS = {
     "actuation_gain": "input",
 }
 MOST_ITERATIONS = 30
+LEAST = 0.3  # of stated inertias, masses and gains, for sysid
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -202,11 +203,11 @@ def _parameters(robot: Robot, model: Any) -> Any:
     """Return what is fitted: damping, friction loss and armature of joints, masses, gains of actuators."""
     found = sysid.ParameterDict()
 
-    def add(name: str, value: float, high: float, change: Callable[[Any, float], None]) -> None:
+    def add(name: str, value: float, low: float, high: float, change: Callable[[Any, float], None]) -> None:
         def modifier(spec: Any, parameter: Any) -> None:
             change(spec, float(parameter.value[0]))
 
-        found.add(sysid.Parameter(name, value, 0.0, high, modifier=modifier))
+        found.add(sysid.Parameter(name, value, low, high, modifier=modifier))
 
     for k in range(model.njnt):
         name, dof = model.joint(k).name, int(model.jnt_dofadr[k])
@@ -217,14 +218,15 @@ def _parameters(robot: Robot, model: Any) -> Any:
             ("armature", model.dof_armature),
         ):
             value = float(values[dof])
-            add(f"{what} {name}", value, 5.0 * (value + size), partial(_set_joint, name, what))
+            low = LEAST * value if what == "armature" else 0.0  # less inertia makes the steps unstable
+            add(f"{what} {name}", value, low, 5.0 * (value + size), partial(_set_joint, name, what))
     for k in range(1, model.nbody) if "body_mass" not in robot.without else ():
         name, mass = model.body(k).name, float(model.body_mass[k])
         if mass > 0.0:
-            add(f"mass {name}", mass, 5.0 * mass, partial(_set_mass, name))
+            add(f"mass {name}", mass, LEAST * mass, 5.0 * mass, partial(_set_mass, name))
     for actuator, _, _ in robot.inputs.values():
         stated = float(model.actuator_gainprm[model.actuator(actuator).id, 0])
-        add(f"gain {actuator}", 1.0, 3.0, partial(_scale_gain, actuator, stated))
+        add(f"gain {actuator}", 1.0, LEAST, 3.0, partial(_scale_gain, actuator, stated))
     return found
 
 
