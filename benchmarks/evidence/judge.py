@@ -118,7 +118,7 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
     names = [_kinds(h, off) for h in result.get("credible_set") or []]
     classes = [frozenset(one["kinds"]) for one in result.get("classes") or []]
     hypotheses = sorted(result.get("hypotheses") or [], key=lambda h: -h["probability"])
-    truth = ("unknown",) if kind in UNKNOWN else hidden_kinds(kind)
+    truth = ("unknown",) if is_unknown(label) else hidden_kinds(kind)
     # For static effects the law's shape is the other right name, if the law is inexact.
     truths = {truth, ()} if off and kind in STATIC_UNKNOWN else {truth}
     credible = any(one in truths for one in names) if names else None
@@ -171,6 +171,11 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any], mode: str = "
     )
 
 
+def is_unknown(label: Mapping[str, Any]) -> bool:
+    """Return whether what is hidden has no plugin; labels of other beds say it themselves."""
+    return bool(label.get("unknown", label["kind"] in UNKNOWN))
+
+
 def is_truth(label: Mapping[str, Any], hypothesis: Any) -> bool:
     """Return whether the hypothesis is the truth, with or without the law's shape if the law is inexact."""
     kinds = _renamed({"selected": _kinds(hypothesis, False)}, label["kind"])["selected"]
@@ -180,7 +185,7 @@ def is_truth(label: Mapping[str, Any], hypothesis: Any) -> bool:
 def truth_fitted(label: Mapping[str, Any], result: Mapping[str, Any]) -> bool | None:
     """Return whether the hidden effect is among the hypotheses; None without hypotheses or without an effect."""
     hypotheses = result.get("hypotheses")
-    if not hypotheses or label["kind"] in (CLEAN, *UNKNOWN):
+    if not hypotheses or label["kind"] == CLEAN or is_unknown(label):
         return None
     return any(is_truth(label, one) for one in hypotheses)
 

@@ -50,19 +50,20 @@ LABEL = (
     "law_form",
     "law_snr",
     "parameters",
+    "unknown",
 )
 STEP = ("added", "rmse_over_floor")
 LEAST_PROBABILITY = 0.01
 
 
-def code_digest(root: Path = ROOT) -> str:
+def code_digest(root: Path = ROOT, parts: Sequence[str] = CODE) -> str:
     """Return digest of the code of the diagnosis.
 
     Raises:
         FileNotFoundError: a part of it is not there.
     """
     files: list[Path] = []
-    for name in CODE:
+    for name in parts:
         part = root / name
         found = [part] if part.is_file() else sorted(part.rglob("*.py"))
         if not found:
@@ -71,7 +72,7 @@ def code_digest(root: Path = ROOT) -> str:
     return digest(files)
 
 
-def commit() -> str:
+def commit(parts: Sequence[str] = CODE) -> str:
     """Return the commit of the checkout, with a + if the code of the diagnosis has changed since."""
 
     def said(*words: str) -> str:
@@ -79,7 +80,7 @@ def commit() -> str:
         return done.stdout.strip()
 
     return (said("rev-parse", "--short", "HEAD") or "unknown") + (
-        "+" if said("status", "--porcelain", *CODE) else ""
+        "+" if said("status", "--porcelain", *parts) else ""
     )
 
 

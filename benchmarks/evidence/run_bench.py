@@ -28,11 +28,11 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, cast
 
 # Before numpy; child processes inherit it. Two diagnosers on two cores must not fight for them.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
@@ -46,7 +46,7 @@ from benchmarks.evidence.counting import summary
 from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import as_text, expected_time
-from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Plan, Task, planned, small_plan
+from benchmarks.evidence.tasks import BEDS, PLAN_OF, PLANS, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
 from benchmarks.output import OUT, make_parser
@@ -83,12 +83,23 @@ AHEAD = 4
 ADDED = 2
 
 
+class Planned(Protocol):
+    """The plan of a bed: a frozen dataclass with tasks, the draw of its sets, and the share that is done."""
+
+    @property
+    def draw(self) -> str: ...
+    @property
+    def share(self) -> float: ...
+    def tasks(self) -> list[Task]: ...
+
+
 @dataclass(frozen=True)
 class Bench:
     """Files of a bench: sets and results in `folder`, the key next to it.
 
     `shard` (part, number of parts) selects every n-th task; shards share the folder, or a copy of its key. `stored` are
-    answers of the same code that an earlier run published, by the `public_id` of their tasks.
+    answers of the same code that an earlier run published, by the `public_id` of their tasks. `maker` writes the files
+    of a set, `parts` is the code that determines a diagnosis; other beds have their own.
     """
 
     folder: Path
@@ -97,6 +108,8 @@ class Bench:
     workers: int = 2
     shard: tuple[int, int] = (1, 1)
     stored: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+    maker: Callable[..., None] | None = None
+    parts: tuple[str, ...] = ledger.CODE
 
     @property
     def results(self) -> Path:
@@ -185,7 +198,7 @@ def unmade(bench: Bench, name: str) -> Iterator[None]:
         append(bench.results, {"id": name, "unmade": f"{error}"})
 
 
-def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
+def run(bench: Bench, plan: Planned, scheduler: str | None = None) -> None:
     """Run all tasks of the plan without a result: sets are made in this process, which has the key, and diagnosed in
     others.
 
@@ -193,7 +206,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
         scheduler: address or file of a dask cluster for the diagnoses, whose workers see the folder under the same
             path. By default processes of this machine are used.
     """
-    key, code = bench.key(), ledger.code_digest()
+    key, code = bench.key(), ledger.code_digest(parts=bench.parts)
     found = read(bench.results)
     others = sum(line.get("code", code) != code for line in found.values())
     if others:
@@ -216,7 +229,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
             while waiting and asking.waiting < bench.workers + AHEAD:
                 job = waiting.pop(0)
                 with unmade(bench, job.name):
-                    make(job.task, job.name, bench.sets, key)
+                    (bench.maker or make)(job.task, job.name, bench.sets, key)
                     put(job)
             for one in asking.completed():
                 job = asked.pop(one.item.name)
@@ -236,7 +249,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
     bar.finish()
 
 
-def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
+def answers(bench: Bench, plan: Planned) -> list[dict[str, Any]]:
     """Return the plan's results with their opened labels, in the order of the plan."""
     key, lines = bench.key(), bench.lines()
     found = []
@@ -249,20 +262,30 @@ def answers(bench: Bench, plan: Plan) -> list[dict[str, Any]]:
     return found
 
 
+def figures(found: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
+    """Return the figures of a ledger's line."""
+    return ledger.headline(summary(ledger.judged(found)))
+
+
 @contextlib.contextmanager
 def in_the_ledger(
-    bench: Bench, plan: Plan, path: Path = ledger.LEDGER, kept: Path = ledger.ANSWERS
+    bench: Bench,
+    plan: Planned,
+    path: Path = ledger.LEDGER,
+    kept: Path = ledger.ANSWERS,
+    headline: Callable[[Sequence[dict[str, Any]]], dict[str, list[int]]] = figures,
 ) -> Iterator[None]:
     """Write a line of the ledger at the start and at the end or stop of a sealed run, with the answers by then."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    sets = len(replace(plan, share=1.0).tasks())
-    began = {
+    any_plan = cast(Any, plan)  # a frozen dataclass
+    sets = len(replace(any_plan, share=1.0).tasks())
+    began: dict[str, Any] = {
         "run": f"{plan.draw} {ledger.now()}",
         "began": ledger.now(),
-        "commit": ledger.commit(),
+        "commit": ledger.commit(bench.parts),
         "code": plan.draw,
     }
-    began |= {"plan": asdict(plan), "share": plan.share, "planned": sets}
+    began |= {"plan": asdict(any_plan), "share": plan.share, "planned": sets}
     ledger.note(began, path)
     try:
         yield
@@ -274,7 +297,7 @@ def in_the_ledger(
         ended["finished"] = finished
         if found:
             ledger.write_answers({**began, **ended}, found, kept)
-            ended["figures"] = ledger.headline(summary(ledger.judged(found)))
+            ended["figures"] = headline(found)
         ledger.note(ended, path)
 
 

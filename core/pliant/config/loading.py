@@ -82,7 +82,9 @@ def load_study(
         raw = overridden(raw, override, sources.places)
     raw = normalised(raw)
     own = _plugin_files(raw, sources)
-    if code := not_run_yet([*own, *_model_code(raw)]):  # before the plugins run: the study may be someone else's
+    if code := not_run_yet(
+        [*own, *_model_code(raw)]
+    ):  # before the plugins run: the study may be someone else's
         note(f"{path.name} runs Python code of its own: {', '.join(map(shown, code))}.")
     registry = with_files(registry, own)
     raw = with_payload(stated, raw, registry, note) if overrides else raw
