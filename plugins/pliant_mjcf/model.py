@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,8 +30,9 @@ from pliant.pipeline.workbench import digest
 from pliant.records.design import Array
 from pliant.registry.files import shown
 from pliant_mjcf.changes import DriveChange, ModelChange, SpecChange, StateForce
-from pliant_mjcf.channels import Driven, Read, check_unique, check_units, driven_inputs, read_outputs
+from pliant_mjcf.channels import check_unique, check_units, driven_inputs, read_outputs
 from pliant_mjcf.config import MjcfModelConfig
+from pliant_mjcf.loaded import Loaded
 from pliant_mjcf.mjcf import add_sensors, attachments, changed_model, compile_spec, read_spec, world_has
 from pliant_mjcf.places import has_place
 from pliant_mjcf.remarks import run_remarks
@@ -41,17 +41,6 @@ from pliant_mjcf.scales import Scales, adapted_parameter
 from pliant_mjcf.starts import check_initial, start_state
 from pliant_mjcf.stepping import NEVER, Course, March
 from pliant_plugins.physics.mujoco.warned import silent
-
-
-@dataclass(frozen=True, eq=False)
-class Loaded:
-    """An MJCF that was read, with what its study drives and reads."""
-
-    spec: Any
-    model: Any
-    inputs: tuple[Driven, ...]
-    outputs: tuple[Read, ...]
-    resting: Array  # (nu,) ctrl of the fixed actuators, else 0
 
 
 class MjcfModel(SystemModel):

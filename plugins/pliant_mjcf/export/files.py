@@ -7,7 +7,7 @@ import types
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,11 +21,9 @@ from pliant_mjcf.export.mjcf_text import carry_files, element_words, mjcf_text, 
 from pliant_mjcf.export.module_text import module_text
 from pliant_mjcf.export.native_inputs import FILTERS
 from pliant_mjcf.export.written_model import Destination, WrittenModel
+from pliant_mjcf.loaded import WritableModel
 from pliant_mjcf.mjcf import changed_model
 from pliant_mjcf.starts import STATE, hold_inputs, state_of
-
-if TYPE_CHECKING:
-    from pliant_mjcf.model import MjcfModel
 
 FORMAT = 1
 # Largest difference of a replayed reading, as a share of the largest predicted one; of effects that agree to a sample.
@@ -41,7 +39,7 @@ ABOUT = (
 )
 
 
-def export_files(system: MjcfModel, improved: Improved, target: Path) -> Exported:
+def export_files(system: WritableModel, improved: Improved, target: Path) -> Exported:
     """Write the files of a model with its effects beside `target`, the MJCF, and return them.
 
     Effects of inputs that agree to a sample only stay in the module where they would differ by more than `SAMPLED`.
@@ -66,7 +64,7 @@ def export_files(system: MjcfModel, improved: Improved, target: Path) -> Exporte
 
 
 def _write(
-    system: MjcfModel, improved: Improved, target: Path, native: bool
+    system: WritableModel, improved: Improved, target: Path, native: bool
 ) -> tuple[tuple[tuple[Path, ...], list[Destination]], list[str]]:
     """Write all files; return them, where each effect is, and what the replay finds different."""
     written = WrittenModel(system.loaded.spec.copy(), system.loaded.inputs)
@@ -129,7 +127,9 @@ def _tolerance(predicted: Sequence[Mapping[str, Array]], share: float) -> dict[s
     }
 
 
-def _started(system: MjcfModel, improved: Improved, written: WrittenModel, model: Any, drive: Drive) -> Array:
+def _started(
+    system: WritableModel, improved: Improved, written: WrittenModel, model: Any, drive: Drive
+) -> Array:
     """Return the start of a run as a state of the exported model: positions and velocities are those of the study."""
     parts = improved.parts
     for effect in improved.effects:
@@ -151,7 +151,7 @@ def _started(system: MjcfModel, improved: Improved, written: WrittenModel, model
     return state_of(model, here)
 
 
-def _head(system: MjcfModel, improved: Improved) -> list[str]:
+def _head(system: WritableModel, improved: Improved) -> list[str]:
     """Return the lines on where the files come from."""
     return [
         f"{system.config.file.name} with the effects of study '{improved.study}', written by Pliant {__version__} on "
