@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast, get_args
 
+from pliant.config.study import written_name
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.planned_run import BenchScale
 from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Place
 from pliant.registry.component import Component
 from pliant.testing.samples import PRESSURE_PA, sample_chain
-from pliant.units import strip_unit_suffix
 
 INTRODUCTION = """\
 # Effect catalogue
@@ -102,7 +102,7 @@ def models_catalogue(components: Sequence[Component]) -> str:
 def _model_facts(component: Component, effect: type[Effect], components: Sequence[Component]) -> list[str]:
     notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
     numbers = (*config.fit_parameters(), *config.form_parameters())
-    rows = [_row(p, config.model_fields[p.name].description or "") for p in numbers]
+    rows = [_row(p, config) for p in numbers]
     said = [
         ("Signature", _sentence(notes.signature)),
         ("Told apart", _sentence(notes.distinguishing_test)),
@@ -130,10 +130,7 @@ def facts(component: Component) -> list[str]:
     """Return paragraphs of an effect's page: its place, its parameters, its signature, and the runs that show it."""
     effect: type[Effect] = component.implementation_class()
     notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
-    rows = [
-        _row(p, config.model_fields[p.name].description or "")
-        for p in (*config.fit_parameters(), *config.form_parameters())
-    ]
+    rows = [_row(p, config) for p in (*config.fit_parameters(), *config.form_parameters())]
     where = [f"**Makes sense for** {notes.where}"] if notes.where else []
     if not effect.fitted:
         return [
@@ -175,7 +172,8 @@ def _runs(effect: type[Effect]) -> str:
     return ", ".join(f"`{name}`" for name in effect.recommended_experiments)
 
 
-def _row(parameter: EffectParameter, meaning: str) -> str:
+def _row(parameter: EffectParameter, config: type[EffectConfig]) -> str:
+    meaning = config.model_fields[parameter.name].description or ""
     meaning = "; ".join([meaning, *(f"at {value:g} {words}" for value, words in parameter.simpler)])
     unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
 
@@ -183,7 +181,7 @@ def _row(parameter: EffectParameter, meaning: str) -> str:
         return f"{ends[0]:g} … {ends[1]:g}{unit}"
 
     cells = (
-        f"`{strip_unit_suffix(parameter.name)}`",
+        f"`{written_name(config, parameter.name)}`",
         parameter.role,
         f"{parameter.neutral:g}{unit}",
         span(parameter.plausible),

@@ -15,6 +15,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from pliant.diagnosis.planning import FirstRuns, RunPlan, check_budget, plan_aft
 from pliant.diagnosis.planning import plan_first_runs as first_runs
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import Improvement
+from pliant.errors import UserError, closest
 from pliant.evidence.compared import compare_model
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.measured_model import MeasuredModel
@@ -39,6 +41,7 @@ from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.formatting import displayed_in
+from pliant.interfaces.effect import AT
 from pliant.interfaces.model import SystemModel
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.inverse.statics import InverseStatics
@@ -255,10 +258,26 @@ def candidates(opened: OpenStudy, kinds: Sequence[str] | None = None) -> list[st
         UserError: an unknown kind, or one without a number to fit.
     """
     found = candidate_kinds(opened.context.registry, kinds or None)
-    if kinds or opened.study.model is None:
+    if opened.study.model is None:
         return found
     system: SystemModel = opened.context.build("model", opened.study.model)
-    return system.default_kinds(found)
+    if not kinds:
+        return system.default_kinds(found)
+    for kind in found:
+        _check_place(opened.context, system, kind)
+    return found
+
+
+def _check_place(context: RunContext, system: SystemModel, kind: str) -> None:
+    """Raise `UserError` for an effect at a place that the model does not have."""
+    pattern = kind.partition(AT)[2]
+    place = context.registry.get("effect", kind).implementation_class().place
+    channels = {"input": system.inputs, "output": system.outputs}.get(place, ())
+    names = [channel.name for channel in channels] or list(system.attachments.get(place, ()))
+    if pattern and names and not any(fnmatchcase(name, pattern) for name in names):
+        raise UserError(
+            f"effect '{kind}' acts on no {place} of the model, which has {', '.join(names)}{closest(pattern, names)}"
+        )
 
 
 def plan(

@@ -1,14 +1,14 @@
 """Forces at joints that MuJoCo lacks: Stribeck friction, a spring that slips, a spring that relaxes.
 
-    stribeck_friction      M = −M_s e^(−(v/v_s)²) sign(v)
+    stribeck_friction      M = −M_s (ρ + (1 − ρ) e^(−(v/v_s)²)) sign(v)
     friction_hysteresis    M = −k z,    z' = clip(z + Δq, −δ, δ),    k = M_y / δ
     viscoelastic           M = −k h,    dh/dt = v − h / T
 
-Stribeck's curve is that of Armstrong-Hélouvry, Dupont & Canudas de Wit (Automatica 30, 1994): friction at rest is M_s
-above the level at speed. MuJoCo's friction loss is raised by M_s, so that the joint really stands, and the share
-1 − e^(−(v/v_s)²) of it is given back while it moves. Hysteresis is the stop of Iwan (J. Appl. Mech. 33, 1966), as for
-chains. The Maxwell branch over a step Δt of constant velocity is exact (Taylor, Pister & Goudreau, Int. J. Numer. Meth.
-Eng. 2, 1970):
+Stribeck's curve is that of Armstrong-Hélouvry, Dupont & Canudas de Wit (Automatica 30, 1994): friction M_s at rest, and
+ρ M_s at speed. MuJoCo's friction loss is raised by M_s, so that the joint really stands, and the share
+(1 − ρ)(1 − e^(−(v/v_s)²)) of it is given back while it moves. Hysteresis is the stop of Iwan (J. Appl. Mech. 33,
+1966), as for chains. The Maxwell branch over a step Δt of constant velocity is exact (Taylor, Pister & Goudreau, Int.
+J. Numer. Meth. Eng. 2, 1970):
 
     h' = e^(−Δt/T) h + (1 − e^(−Δt/T)) T/Δt Δq
 
@@ -26,7 +26,7 @@ import numpy as np
 from pliant.interfaces.effect import EffectConfig, EffectNotes, parameter
 from pliant.interfaces.model import SystemParts, effect_kind
 from pliant.records.design import Array
-from pliant.units import Angle, Moment, Time
+from pliant.units import Angle, Moment, Ratio, Time
 from pliant_mjcf.effect_bases import EffectChange, JointForce, JointMemory
 from pliant_mjcf.effects_joint import WHERE, add_friction
 from pliant_mjcf.elements import Joints
@@ -39,7 +39,15 @@ class StribeckFrictionConfig(EffectConfig):
 
     kind: str = effect_kind("stribeck_friction")
     moment_n_m: Moment = parameter(neutral=0.0, bounds=(0.0, 1e5), plausible=(0.0, 0.5), example="0.1 N*m")
-    """friction at rest − friction at speed; of a slide in N"""
+    """friction at rest; of a slide in N"""
+    sliding_ratio: Ratio = parameter(
+        neutral=0.5,
+        bounds=(0.0, 1.0),
+        plausible=(0.3, 0.9),
+        role="shape",
+        simpler={1.0: "it never falls: coulomb_friction is enough"},
+    )
+    """friction at speed over friction at rest"""
     speed_rad_s: float = parameter(
         unit="rad/s",
         neutral=0.1,
@@ -53,7 +61,7 @@ class StribeckFrictionConfig(EffectConfig):
 
 
 class StribeckFriction(JointForce):
-    """Friction at rest above the friction at speed."""
+    """Dry friction that is larger at rest than at speed."""
 
     config: StribeckFrictionConfig
     notes = EffectNotes(
@@ -78,7 +86,8 @@ class StribeckFriction(JointForce):
 
     def force(self, q: Array, v: Array) -> Array:
         lost = -np.expm1(-((v / self.config.speed_rad_s) ** 2))
-        return np.asarray(self.config.moment_n_m * lost * np.sign(v))
+        most = (1.0 - self.config.sliding_ratio) * self.config.moment_n_m
+        return np.asarray(most * lost * np.sign(v))
 
 
 class JointHysteresisConfig(EffectConfig):

@@ -14,7 +14,7 @@ EFFECTS = (
     ("rest_angle", JOINT, "RestAngle", "springs of joints rest elsewhere"),
     ("viscous_damping", JOINT, "JointDamping", "joints have additional damping"),
     ("coulomb_friction", JOINT, "CoulombFriction", "joints have additional dry friction"),
-    ("stribeck_friction", FORCE, "StribeckFriction", "friction of joints at rest exceeds that at speed"),
+    ("stribeck_friction", FORCE, "StribeckFriction", "dry friction of joints, larger at rest than at speed"),
     ("friction_hysteresis", FORCE, "JointHysteresis", "joints have springs that slip"),
     ("viscoelastic", FORCE, "JointRelaxation", "joints have springs that relax"),
     ("joint_play", DRIVE, "JointPlay", "position drives move joints through a play"),

@@ -114,7 +114,7 @@ def test_stribeck_friction_is_lower_in_motion_than_at_rest() -> None:
     more = '<actuator><motor joint="hinge"/></actuator>'
     friction = (
         effect("coulomb_friction", moment_n_m=0.3),
-        effect("stribeck_friction", moment_n_m=0.4, speed_rad_s=0.2),
+        effect("stribeck_friction", moment_n_m=0.4, sliding_ratio=0.0, speed_rad_s=0.2),
     )
     assert abs(moved(rotor(more=more), *friction, u=lambda t: [0.6]).v[-1, 0, 0]) < 0.1
     run = moved(rotor(more=more), *friction, u=lambda t: [0.6], v=[[3.0]], seconds=0.3)

@@ -52,19 +52,20 @@ class StudyDraft:
             self.values = with_override(self.values, override)
         self._remarks: dict[KeyPath, str] = {}
 
-    def set(self, path: KeyPath, value: Any, remark: str = "") -> None:
+    def set(self, path: KeyPath, value: Any, remark: str = "", spelled: bool = False) -> None:
         """Set one value; a changed `kind` clears its block, as it does on reading.
 
         Args:
             path: keys, with or without their unit, and item numbers; the number after the last adds an item.
             value: as a study file has it.
             remark: becomes a comment after it.
+            spelled: a new last key keeps its spelling, for fields whose unit belongs to their name.
         """
         node: Any = self.values
         written: list[Any] = []
         for depth, key in enumerate(path):
             last = depth == len(path) - 1
-            written.append(_written_key(node, key))
+            written.append(_written_key(node, key, spelled and last))
             if last and key == "kind" and node.get("kind") != value:
                 node.clear()
             if isinstance(node, list) and written[-1] == len(node):
@@ -183,12 +184,16 @@ def yaml_writer() -> YAML:
     return yaml
 
 
-def _written_key(node: Any, key: Any) -> Any:
-    """Return the key as a mapping has it: `shear_modulus` may be written `shear_modulus_pa`; a new key has no unit."""
+def _written_key(node: Any, key: Any, spelled: bool = False) -> Any:
+    """Return the key as a mapping has it: `shear_modulus` may be written `shear_modulus_pa`.
+
+    A new key has no unit, unless it is spelled.
+    """
     if not isinstance(node, dict):
         return int(key)
     bare = strip_unit_suffix(str(key))
-    return next((name for name in node if strip_unit_suffix(name) == bare), bare)
+    there = (name for name in node if strip_unit_suffix(name) == bare)
+    return next(there, str(key) if spelled else bare)
 
 
 def _same(a: Any, b: Any) -> bool:

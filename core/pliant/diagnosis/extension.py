@@ -352,7 +352,7 @@ def _set_fitted(draft: StudyDraft, extension: Extension, note: str, notes_by_kin
         for estimate in extension.uncertainty.estimates:
             if estimate.kind == kind:
                 key, value = _written(extension.effects[slot], estimate, extension.values[estimate.name])
-                draft.set((*at, key), value, estimate.words)
+                draft.set((*at, key), value, estimate.words, spelled=True)
 
 
 def _written(config: EffectConfig, estimate: Estimate, value: float) -> tuple[str, str | float]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pliant.errors import NotReachedError
 from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.comparison import Comparison, compare
 from pliant.evidence.measured_model import MeasuredModel, RunReadings
+from pliant.evidence.prediction import Predictor
 
 
 def compare_model(predictor: MeasuredModel) -> tuple[tuple[RunReadings, ...], Comparison]:
@@ -20,7 +22,10 @@ def compare_model(predictor: MeasuredModel) -> tuple[tuple[RunReadings, ...], Co
     """
     mistakes = find_mistakes(predictor)
     predicted = predict_knowing(predictor, mistakes)
-    return predicted, compare(predictor.measurement, predicted, bookkeeping=mistakes)
+    found = compare(predictor.measurement, predicted, bookkeeping=mistakes)
+    if not isinstance(predictor, Predictor):  # what a chain lacks is said where its outputs are chosen
+        found = replace(found, remarks=(*found.remarks, *predictor.remarks))
+    return predicted, found
 
 
 def predict_knowing(predictor: MeasuredModel, mistakes: Sequence[Mistake]) -> tuple[RunReadings, ...]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from pliant.measurements.reading import without_excluded
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
-from pliant.records.remark import detail
+from pliant.records.remark import Rank, Remark, detail
 from pliant.units import parse_quantity, split_unit
 from pliant_tables.columns import is_frame
 from pliant_tables.opening import FRAME, open_sheet
@@ -34,6 +35,7 @@ GENERAL = (
     Known(r"time", "_s", "s", "time"),
 )
 FEWEST = 3  # samples of a run
+MOST_ANGLE = 13.0  # two turns: larger angles are likely degrees
 # An input may leave its range by this share of it: rounding in the file.
 ROUNDING = 1e-6
 
@@ -129,6 +131,8 @@ def _read(
     unread = [name for name in sheet.header if name and name not in read]
     if unread:
         said.append(detail(f"Columns {', '.join(unread)} are no channels of the model and are ignored."))
+        said += _misspelt(unread, [c.name for c in (*inputs, *outputs) if c.name not in table], notes_name)
+    said += _large_angles(table, found, notes_name)
     return Measurement(
         tuple(runs),
         tuple(wanted),
@@ -138,6 +142,39 @@ def _read(
         written={name: c.unit_as_written for name, c in numeric.items() if c.unit},
         headed={name: c.written for name, c in numeric.items()},
     )
+
+
+def _misspelt(unread: Sequence[str], absent: Sequence[str], notes_name: str) -> list[str]:
+    """Return a sentence for each ignored column that resembles a channel without a column."""
+    near = (
+        (name, get_close_matches(name.lower(), [one.lower() for one in absent], 1, 0.8)) for name in unread
+    )
+    return [
+        Remark(
+            f"Column '{name}' is ignored; if it is '{found[0]}', write 'rename: {{{name}: {found[0]}}}' in "
+            f"{notes_name}.",
+            Rank.UNIT,
+        )
+        for name, found in near
+        if found
+    ]
+
+
+def _large_angles(
+    table: Mapping[str, Array], columns: Mapping[str, FileColumn], notes_name: str
+) -> list[str]:
+    """Return a sentence for each column of angles in rad that looks like degrees."""
+    return [
+        Remark(
+            f"'{column.written}' reaches {number(top)} rad; if it is in degrees, write "
+            f"'units: {{{column.written}: deg}}' in {notes_name}.",
+            Rank.UNIT,
+        )
+        for name, column in columns.items()
+        if name in table
+        and column.unit == "rad"
+        and (top := float(np.nanmax(np.abs(table[name])))) > MOST_ANGLE
+    ]
 
 
 def _channel_name(name: str, inputs: Sequence[Channel], outputs: Sequence[Channel]) -> str:
