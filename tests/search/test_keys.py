@@ -111,6 +111,8 @@ def test_setting_keys_to_what_they_are_changes_nothing():
             continue  # no study
         if study.family is not None and study.family.kind == "mesh_file":
             continue  # its mesh is made by a script
+        if study.model is not None:
+            continue  # a search designs chains
         studies += 1
         setter, changes = StudySetter(study, REGISTRY), {}
         assert setter.study({}) == study

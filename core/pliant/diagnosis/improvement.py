@@ -64,7 +64,7 @@ from pliant.registry.residual_model import require_residual_model
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on left-out training runs by this share.
 LEAST_GAIN = 0.01
-# It may raise the error of no output by more than this share.
+# A correction of the law may raise the error of no output by more than this share.
 MOST_RISE = 0.02
 # Placeholder in the reason of a step for its fall of the error, which is filled in when all steps have one floor.
 FALL = "{fall}"
@@ -326,7 +326,6 @@ class _Walk:
         gain = prediction_gain(before, after)
         no_worse = unseen.sum() < (1.0 + LEAST_GAIN) ** 2 * before.sum()
         no_worse = no_worse and other.sum() < (1.0 + LEAST_GAIN) ** 2 * known.sum()
-        no_worse = no_worse and not _worsened(self.drafts[-1].left_out, whole.left_out_runs)
         return gain.share > 1.0 - (1.0 - LEAST_GAIN) ** 2 and gain.sure > 1.0 and no_worse
 
     def _take(self, kind: str, proposal: StepProposal, extension: Extension | None) -> None:
@@ -460,7 +459,7 @@ class _Walk:
 
 
 def _worsened(before: Residuals, after: Residuals) -> bool:
-    """Return whether the error of an output rises: a step that explains one output at the cost of another is wrong."""
+    """Return whether the error of an output rises: a correction at the cost of another output is wrong."""
     for name in before[0]:
         old, new = (np.concatenate([run[name] for run in some]) for some in (before, after))
         there = np.isfinite(old) & np.isfinite(new)
