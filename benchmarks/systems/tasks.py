@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence import seal
+from benchmarks.evidence import ledger, seal
 from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.tasks import Task, digest
 from benchmarks.evidence.truths import CLEAN
@@ -27,13 +27,7 @@ TRUTH_FILES = (
 )
 # Code that determines a diagnosis of a MuJoCo model.
 CODE = (
-    "core/pliant/diagnosis",
-    "core/pliant/evidence",
-    "core/pliant/measurements",
-    "core/pliant/least_squares.py",
-    "core/pliant/interfaces",
-    "core/pliant/records",
-    "core/pliant/mechanics",
+    *(part for part in ledger.CODE if part.startswith("core/")),
     "plugins/pliant_systems",
     "plugins/pliant_mjcf",
     "plugins/pliant_plugins/effects",

@@ -102,7 +102,7 @@ class Bundle:
             raise UserError(f"two functions of the effects are called '{name}'; rename the one in your file.")
 
     def _resolve(self, name: str, scope: Mapping[str, Any]) -> None:
-        """Add what a name in a function's text stands for."""
+        """Add what a name in a function's text refers to."""
         if name in self._given or name not in scope:
             return
         found = scope[name]

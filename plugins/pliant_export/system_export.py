@@ -38,11 +38,13 @@ def export_system(session: Session, study: Study, out: Path) -> None:
         session.say(f"written  {out} ({len(every)} parameter{'s' if len(every) > 1 else ''})")
         return
     checked = model.for_runs(_first_runs(measurement))
-    told = tuple(_told(some, effect.kind, fitted) for some, effect in zip(rows, study.effects, strict=True))
+    provenance = tuple(
+        _provenance(some, effect.kind, fitted) for some, effect in zip(rows, study.effects, strict=True)
+    )
     improved = Improved(
         study.name,
         tuple(model.context.build("effect", config) for config in study.effects),
-        told,
+        provenance,
         model.unchanged,
         tuple(checked.commanded),
         tuple(checked.evaluate().runs),
@@ -59,7 +61,7 @@ def export_system(session: Session, study: Study, out: Path) -> None:
         session.say(sentence)
 
 
-def _told(rows: list[ParameterRow], kind: str, fitted: str) -> str:
+def _provenance(rows: list[ParameterRow], kind: str, fitted: str) -> str:
     """Return what is known of an effect, in a line."""
     numbers = "; ".join(row.words for row in rows)
     known = f"fitted to {fitted}" if any(row.sd is not None for row in rows) else "as the study states it"

@@ -120,7 +120,7 @@ class CentreOfMassConfig(EffectConfig):
 
 
 class CentreOfMass(MovedMass):
-    """A centre of mass beside the model's."""
+    """A centre of mass that is shifted from the model's."""
 
     config: CentreOfMassConfig
     notes = EffectNotes(

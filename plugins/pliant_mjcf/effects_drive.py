@@ -143,7 +143,7 @@ class JointPlay(DriveEffect):
     transmissions = ("mjTRN_JOINT", "mjTRN_JOINTINPARENT")
     config: JointPlayConfig
     notes = EffectNotes(
-        signature="after every reversal the joint stands while the command runs through the clearance; at a held "
+        signature="after every reversal the joint stops while the command runs through the clearance; at a held "
         "command the joint can be moved freely within it, and gravity decides at which side it lies.",
         inspection=Backlash.notes.inspection,
         confounder="backlash",

@@ -143,7 +143,7 @@ class JointDamping(JointMemory):
         inspection="switch the drive off, swing the joint by hand, let go and film how fast the swing dies out.",
         confounder="coulomb_friction",
         distinguishing_test="swing freely: by damping each swing is smaller by one factor, by dry friction by one "
-        "amount, until it stands.",
+        "amount, until it stops.",
         excitation="run the same cycle at three rates a factor of three apart, and steps.",
         where=WHERE,
     )
@@ -186,7 +186,7 @@ class CoulombFriction(ModelEffect):
     place = "joint"
     config: CoulombFrictionConfig
     notes = EffectNotes(
-        signature="the joint stands until the drive exceeds one level, and lags by the same moment at every rate; "
+        signature="the joint rests until the drive exceeds one level, and lags by the same moment at every rate; "
         "free swings lose the same amount each time and end off their rest.",
         inspection="raise the drive slowly until the joint breaks loose, in both directions: half the difference is "
         "friction.",

@@ -5,7 +5,7 @@
     viscoelastic           M = −k h,    dh/dt = v − h / T
 
 Stribeck's curve is that of Armstrong-Hélouvry, Dupont & Canudas de Wit (Automatica 30, 1994): friction M_s at rest, and
-ρ M_s at speed. MuJoCo's friction loss is raised by M_s, so that the joint really stands, and the share
+ρ M_s at speed. MuJoCo's friction loss is raised by M_s, so that the joint really stops, and the share
 (1 − ρ)(1 − e^(−(v/v_s)²)) of it is given back while it moves. Hysteresis is the stop of Iwan (J. Appl. Mech. 33,
 1966), as for chains. The Maxwell branch over a step Δt of constant velocity is exact (Taylor, Pister & Goudreau, Int.
 J. Numer. Meth. Eng. 2, 1970):
@@ -117,7 +117,7 @@ class JointHysteresis(JointMemory):
         inspection="move the joint by hand to either side with the drive off, let it come back and mark where it "
         "stays; look for cables, belts and sleeves that rub.",
         confounder="coulomb_friction",
-        distinguishing_test="small loops: an elastic element follows them with its stiffness, dry friction stands.",
+        distinguishing_test="small loops: an elastic element follows them with its stiffness, dry friction does not.",
         excitation="slow cycles with small loops inside the large one, at two rates a factor of ten apart.",
         where=WHERE,
     )
@@ -157,7 +157,7 @@ class JointRelaxationConfig(EffectConfig):
 
 
 class JointRelaxation(JointMemory):
-    """A spring and a dashpot in series, beside the joint's own spring."""
+    """A spring and a dashpot in series, parallel to the joint's own spring."""
 
     config: JointRelaxationConfig
     notes = replace(

@@ -123,7 +123,7 @@ class WorldMisalignment(ModelEffect):
         BaseMisalignment.notes,
         signature="all positions are turned about the origin by one angle, at rest too; angles are off as far as "
         "gravity moves the bodies.",
-        inspection="put a level on the base and hang a plumb line beside it; shim it, or turn the first body.",
+        inspection="put a level on the base and hang a plumb line from it; shim it, or turn the first body.",
         confounder="gravity_direction",
         distinguishing_test="positions and angles together: tilted gravity alone leaves them in agreement.",
         excitation="no motion of any input, then slow cycles, with positions read.",

@@ -101,7 +101,7 @@ class MjcfModel(SystemModel):
         return adapted_parameter(self.scales, kind, declared)
 
     def simulate(self, parts: SystemParts, drives: Sequence[Drive]) -> tuple[SystemReadings, ...]:
-        """Return the readings of each run; raise `UserError` if all runs of the MJCF as it is diverge at once."""
+        """Return the readings of each run; raise `UserError` if all runs of the unchanged MJCF diverge at once."""
         if not drives:
             return ()
         loaded = self.loaded

@@ -32,7 +32,7 @@ def mjcf_model(
         outputs: column → sensor, joint or site; every sensor without it.
         initial: ``"first"``, ``"settled"``, a keyframe, or joint → position.
         fixed: actuators that are no columns, with their constant ctrl.
-        effects: what acts beside the model, in this order.
+        effects: effects in addition to the model, in this order.
         measurements: the recording, with its renames and units.
         name: of the study; the file's name without it.
         store: folder of cached results.

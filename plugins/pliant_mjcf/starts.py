@@ -143,7 +143,7 @@ def hold_inputs(model: Any, data: Any, control: Array, activations: bool = True)
 
 
 def _settled(model: Any, data: Any, control: Array) -> Array:
-    """Return the state of rest under constant inputs; that of qpos0 if there is none within `SETTLING_S`."""
+    """Return the state of rest under constant inputs; that of qpos0 if it is not reached within `SETTLING_S`."""
     hold_inputs(model, data, control)
     beginning = state_of(model, data)
     mujoco.mj_forward(model, data)

@@ -38,7 +38,7 @@ DEAD_ZONE = _input(
 LAG = _input(
     signature="the response to a step of the input sets in softly, and all motion is behind, the more the faster; in "
     "a hold nothing is left after a few time constants.",
-    inspection="measure the acting input beside the commanded one after a step.",
+    inspection="compare the acting input with the commanded one after a step.",
     confounder="sensor_lag",
     distinguishing_test="change a load while the input is constant: a lag of the input has no influence there, one of "
     "the sensor has.",

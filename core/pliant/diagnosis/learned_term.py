@@ -37,7 +37,7 @@ class LearnedTerm:
         left_out: (N,) with each run left out of the term's fit.
         tried: forms that were fitted.
         drive: name of the chain's input.
-        on: what was left out: "runs left out", or blocks of a single run.
+        on: what was left out: "runs left out", specimens, or blocks of a single run.
     """
 
     effect: EffectConfig

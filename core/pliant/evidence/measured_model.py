@@ -1,5 +1,7 @@
-"""MeasuredModel: a model with the runs that it is compared with. Comparison, diagnosis and plans know it alone.
+"""MeasuredModel: a model with the runs that it is compared with, the interface of comparison, diagnosis and plans.
 
+They ask for a `Predictor` only for what a chain alone has: an error of its joint law, bookkeeping at equilibrium, the
+laboratory's menu of runs.
 A chain of modules in an engine is one (`pliant.evidence.prediction.Predictor`), a user's own model another
 (`pliant.evidence.driven_model.DrivenModel`).
 """

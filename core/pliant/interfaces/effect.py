@@ -190,7 +190,7 @@ class EffectNotes:
 
 
 @dataclass(frozen=True, eq=False)
-class Signals:
+class SignalMaps:
     """Maps of the inputs and of the readings of a model, which effects change.
 
     An input map takes the history of one run and returns the history that reaches the system. An output map
@@ -229,7 +229,7 @@ class Signals:
 
 
 @dataclass(frozen=True, eq=False)
-class Model(Signals):
+class Model(SignalMaps):
     """A chain with its law terms, maps of its inputs and maps of its readings, which effects change."""
 
     chain: ChainModel

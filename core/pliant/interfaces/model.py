@@ -19,7 +19,7 @@ from pydantic import Field
 
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import ComponentConfig, Configured
-from pliant.interfaces.effect import AT, Effect, EffectParameter, Model, Signals
+from pliant.interfaces.effect import AT, Effect, EffectParameter, Model, SignalMaps
 from pliant.records.design import Array
 from pliant.records.history import History
 
@@ -47,7 +47,7 @@ class Channel:
 
 
 @dataclass(frozen=True, eq=False)
-class SystemParts(Signals):
+class SystemParts(SignalMaps):
     """What effects change of a system: its signals, and the parts that its own kind of model knows.
 
     Attributes:
@@ -88,7 +88,7 @@ class Improved:
     Attributes:
         study: its name.
         effects: of the study, in their order.
-        told: what is known of each: values, uncertainty, the recording that they were fitted to.
+        provenance: what is known of each: values, uncertainty, the recording that they were fitted to.
         parts: the system without the effects.
         drives: recorded runs for a check, as commanded.
         predicted: the study's predictions of their readings, SI.
@@ -96,7 +96,7 @@ class Improved:
 
     study: str
     effects: tuple[Effect, ...]
-    told: tuple[str, ...]
+    provenance: tuple[str, ...]
     parts: SystemParts
     drives: tuple[Drive, ...] = ()
     predicted: tuple[Mapping[str, Array], ...] = ()

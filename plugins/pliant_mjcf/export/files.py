@@ -1,4 +1,4 @@
-"""The files of an improved MuJoCo model: the MJCF, its assets, the module beside it, and the check file."""
+"""The files of an improved MuJoCo model: the MJCF, its assets, its module, and the check file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FORMAT = 1
 SAME, SAMPLED = 1e-9, 0.01
 SMALLEST = 1e-12  # of a reading that should be zero
 ABOUT = (
-    "What the study predicts of recorded runs, with its effects; SI units. The module beside this file replays them: "
+    "What the study predicts of recorded runs, with its effects; SI units. The module next to this file replays them: "
     "python MODULE --check, or",
     "  import MODULE; run = json.load(open(THIS))['runs'][0]",
     "  seen = MODULE.replay(run['time_s'], run['commanded'], run['state'])",
@@ -40,7 +40,7 @@ ABOUT = (
 
 
 def export_files(system: WritableModel, improved: Improved, target: Path) -> Exported:
-    """Write the files of a model with its effects beside `target`, the MJCF, and return them.
+    """Write the files of a model with its effects into the folder of `target`, the MJCF, and return them.
 
     Effects of inputs that agree to a sample only stay in the module where they would differ by more than `SAMPLED`.
 
@@ -71,12 +71,12 @@ def _write(
     written.write(improved.effects, improved.parts, native)
     copies = carry_files(written.spec, system.config.file, target)
     head = _head(system, improved)
-    beside = [
-        (key, told)
-        for told, place in zip(improved.told, written.places, strict=True)
+    notes = [
+        (key, words)
+        for words, place in zip(improved.provenance, written.places, strict=True)
         for key in place.elements
     ]
-    text = with_comments(mjcf_text(written.spec), head, beside)
+    text = with_comments(mjcf_text(written.spec), head, notes)
     target.write_text(text, encoding="utf-8")
     model = mujoco.MjModel.from_xml_path(str(target))
     script, check = target.with_suffix(".py"), target.with_suffix(".check.json")
@@ -156,7 +156,7 @@ def _head(system: WritableModel, improved: Improved) -> list[str]:
     return [
         f"{system.config.file.name} with the effects of study '{improved.study}', written by Pliant {__version__} on "
         f"{date.today().isoformat()}.",
-        *(improved.told or ("The study has no effects.",)),
+        *(improved.provenance or ("The study has no effects.",)),
     ]
 
 

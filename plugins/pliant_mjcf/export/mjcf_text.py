@@ -1,4 +1,4 @@
-"""The text of an MJCF with full numbers, comments beside what changed, and its meshes and textures beside it."""
+"""The text of an MJCF with full numbers, comments at what changed, and copies of its meshes and textures."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def changed_elements(before: str, after: str) -> list[Key]:
     return list(dict.fromkeys(key for k in changed if (key := keys[k])))
 
 
-def with_comments(text: str, head: Sequence[str], beside: Sequence[tuple[Key, str]]) -> str:
+def with_comments(text: str, head: Sequence[str], notes: Sequence[tuple[Key, str]]) -> str:
     """Return the text with comments at the top, and above the elements of these keys."""
     lines = text.splitlines()
     above: dict[int, list[str]] = {}
     keys = _keys(lines)
-    for key, words in beside:
+    for key, words in notes:
         if key in keys:
             above.setdefault(keys.index(key), []).append(words)
     made: list[str] = []
@@ -64,7 +64,7 @@ def with_comments(text: str, head: Sequence[str], beside: Sequence[tuple[Key, st
 
 
 def carry_files(spec: Any, source: Path, target: Path) -> tuple[Path, ...]:
-    """Copy meshes, height fields, textures and skins into a folder beside the new file; return the copies.
+    """Copy meshes, height fields, textures and skins into a folder next to the new file; return the copies.
 
     Files stay where they are if the new MJCF is in the folder of the old one.
     """

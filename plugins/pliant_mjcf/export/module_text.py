@@ -1,4 +1,4 @@
-"""The Python module beside an improved MJCF: columns, and effects that MJCF cannot say, without Pliant."""
+"""The Python module of an improved MJCF: columns, and effects that MJCF cannot say, without Pliant."""
 
 from __future__ import annotations
 

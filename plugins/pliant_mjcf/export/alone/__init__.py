@@ -1,1 +1,1 @@
-"""The module beside an exported MJCF, without its effects; it imports nothing of Pliant."""
+"""The module of an exported MJCF, without its effects; it imports nothing of Pliant."""

@@ -6,7 +6,7 @@
     ctrl = controls(time_s, commanded)      # (t, nu) from the columns of a recording, name -> (t,)
     seen = readings(time_s, raw)            # what the sensors report, from true readings by column
 
-It needs numpy and mujoco. `replay` simulates a recorded run; `python {file} --check` replays the check file beside it.
+It needs numpy and mujoco. `replay` simulates a recorded run; `python {file} --check` replays the check file next to it.
 """
 
 from __future__ import annotations
