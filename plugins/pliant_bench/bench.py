@@ -148,11 +148,11 @@ class BenchRecording:
         return len(self.read_s)
 
 
-# Called with every sample while it comes in; it raises `StopRun` to end the run, after which the bench vents.
+# Called with every sample while it comes in; it raises `RunStoppedError` to end the run, after which the bench vents.
 Watch = Callable[[BenchSample], None]
 
 
-class StopRun(Exception):
+class RunStoppedError(Exception):
     """A reason to end a run at once; its text is a sentence."""
 
 
