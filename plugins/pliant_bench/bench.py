@@ -7,7 +7,7 @@ connecting, venting and closing), or `Bench` where it performs whole runs, such 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
@@ -209,6 +209,10 @@ class Bench(Configured[BenchConfig]):
         Raises:
             UserError: the run cannot be begun.
         """
+
+    def resume(self, done: Sequence[BenchRecording]) -> None:
+        """Take note of the runs of an interrupted experiment; a specimen of rubber remembers them by itself."""
+        return
 
     @abstractmethod
     def stop(self) -> None:
