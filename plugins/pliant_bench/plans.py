@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.errors import UserError, closest
 from pliant.experiments.planned_run import NEW, PlannedRun
@@ -19,8 +20,9 @@ VALVE = "valve_open"
 # Columns of a history that are no actuation of the model.
 LOADS = ("moment_n_m", *FORCES)
 CONDITIONS = (*LOADS, *BASE, "temperature_c", "payload_kg")
-# Samples of a planned run; instants after each corner, as multiples of the sampling period, and their number.
-UNIFORM, AFTER_CORNER = 120, (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)
+# A planned run has this many even samples, some after each corner of an input (in sampling periods), and so many more
+# that every input is straight between them to within this share of its range.
+EVEN, AFTER_CORNER, STRAIGHT = 60, (2, 6, 18), 0.03
 
 
 def history_from_columns(
@@ -88,19 +90,35 @@ def planned_from_protocol(
     return PlannedRun(protocol.name, protocol.words, history, minutes)
 
 
-def _thinned(protocol: BenchProtocol) -> Any:
+def _thinned(protocol: BenchProtocol) -> NDArray[np.intp]:
     """Return indices of the samples of a planned run."""
     n = len(protocol)
-    corners: set[int] = set()
-    for values in protocol.commands.values():
-        slope = np.diff(values)
-        bent = np.abs(np.diff(slope)) > 1e-6 * max(float(np.ptp(values)), 1e-300)
-        corners |= set((np.flatnonzero(bent) + 1).tolist())
-    kept = np.unique(np.linspace(0, n - 1, min(n, UNIFORM)).round().astype(int))
-    if len(corners) <= UNIFORM:  # curved motions have a corner at every sample: their even samples are enough
-        after = [k + int(step) for k in corners for step in AFTER_CORNER]
-        kept = np.union1d(kept, [k for k in after if k < n]).astype(int)
+    spans = {name: float(np.ptp(values)) for name, values in protocol.commands.items()}
+    moving = [protocol.commands[name] / (STRAIGHT * span) for name, span in spans.items() if span > 0.0]
+    even = np.linspace(0, n - 1, min(n, EVEN)).round().astype(int)
+    if not moving:
+        return even
+    corners = _corners(protocol.time_s, np.array(moving))
+    after = np.add.outer(corners, AFTER_CORNER).ravel()
+    kept: NDArray[np.intp] = np.unique(np.concatenate([even, corners, after[after < n]]))
     return kept
+
+
+def _corners(clock: Array, signals: Array) -> NDArray[np.intp]:
+    """Return the samples between which the signals are straight lines to within 1 (Douglas & Peucker 1973)."""
+    kept, open_gaps = {0, len(clock) - 1}, [(0, len(clock) - 1)]
+    while open_gaps:
+        start, end = open_gaps.pop()
+        if end - start < 2:
+            continue
+        way = (clock[start : end + 1] - clock[start]) / (clock[end] - clock[start])
+        lines = signals[:, [start]] + (signals[:, [end]] - signals[:, [start]]) * way
+        away = np.abs(signals[:, start : end + 1] - lines).max(axis=0)
+        worst = start + int(np.argmax(away))
+        if away[worst - start] > 1.0:
+            kept.add(worst)
+            open_gaps += [(start, worst), (worst, end)]
+    return np.array(sorted(kept), dtype=np.intp)
 
 
 def protocol_from_planned(run: PlannedRun, inputs: Collection[str], period_s: float) -> BenchProtocol | None:
