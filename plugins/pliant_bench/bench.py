@@ -198,6 +198,10 @@ class Bench(Configured[BenchConfig]):
     def check(self) -> tuple[ChannelCheck, ...]:
         """Return the result of a slow handshake of every channel, with the inputs at rest."""
 
+    def resume(self, done: Sequence[BenchRecording]) -> None:
+        """Continue an interrupted experiment after these runs; after `connect`. A real specimen remembers them."""
+        return
+
     @abstractmethod
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
         """Perform the run and return its recording, also of a run that was stopped.

@@ -27,6 +27,7 @@ def pliant_blocks() -> Iterable[Block]:
             "bench",
             interface="bench",
             description="what performs the runs of `pliant experiment` (docs/connect_your_bench.md)",
+            paths=("truth",),
             reader="experiment",
             fixed="it is the bench",
         ),
@@ -43,4 +44,14 @@ def pliant_blocks() -> Iterable[Block]:
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """Return the drivers."""
-    return []
+    drivers = f"{HERE}.drivers"
+    return [
+        Component(
+            "bench",
+            "simulated",
+            f"{drivers}.simulated:SimulatedBenchConfig",
+            f"{drivers}.simulated:SimulatedBench",
+            "a study as the specimen, with its effects, noise and memory; no hardware",
+            {"truth": "truth.yaml"},
+        ),
+    ]
