@@ -214,10 +214,6 @@ class Bench(Configured[BenchConfig]):
             UserError: the run cannot be begun.
         """
 
-    def resume(self, done: Sequence[BenchRecording]) -> None:
-        """Take note of the runs of an interrupted experiment; a specimen of rubber remembers them by itself."""
-        return
-
     @abstractmethod
     def stop(self) -> None:
         """End the run and vent."""

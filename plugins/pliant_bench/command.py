@@ -91,7 +91,9 @@ def experiment(
         _confirm(person, bench, settings, bool(folder.recordings()))
         view = TerminalView(session, len(kinds))
         ended = run_rounds(
-            Experiment(opened, settings, bench, folder, kinds, planner, person or Nobody(), view, who)
+            Experiment(
+                opened, settings, bench, folder, planner.inputs, kinds, planner, person or Nobody(), view, who
+            )
         )
     except KeyboardInterrupt:
         session.say("The bench was vented. The same command goes on after the last recording.")

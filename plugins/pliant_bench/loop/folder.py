@@ -21,7 +21,7 @@ import io
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -87,6 +87,25 @@ class RoundFolder:
         clock = commands.pop("time_s")
         return BenchProtocol(
             plan["name"], plan["words"], clock, commands, plan["conditions"], plan["new_specimen"]
+        )
+
+    def read_recording(self) -> BenchRecording:
+        """Return what the bench did, from the samples; without samples an empty recording."""
+        protocol, ended = self.read_protocol(), self.read("recording") or {}
+        plan = self.read("plan") or {}
+        asked = replace(protocol, conditions={**plan.get("setting", {}), **protocol.conditions})
+        columns = read_columns(self.samples) if self.samples.exists() else {}
+        empty = np.zeros(0)
+        outputs = [name for name in columns if name not in (*OWN_COLUMNS, *protocol.commands)]
+        return BenchRecording(
+            asked,
+            columns.get("commanded_s", empty),
+            columns.get("read_s", empty),
+            {name: columns.get(name, empty) for name in protocol.commands},
+            {name: columns[name] for name in outputs},
+            columns.get("late", empty) > 0.5,
+            ended.get("ending", "lost"),
+            ended.get("reason", ""),
         )
 
     def write_expected(self, mean: Mapping[str, Array], sd: Mapping[str, Array], clock: Array) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from pliant.formatting import output_unit
-from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, read_columns, read_json
+from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns, read_json
 
-OWN = ("index", "commanded_s", "read_s", "late")
 MOST_HYPOTHESES = 8
 
 
@@ -63,7 +62,7 @@ def _run(folder: RoundFolder, known: bool, since: int) -> dict[str, Any]:
     """Return the samples from `since` on and, unless they are known, the expected readings, in display units."""
     protocol = folder.read_protocol()
     samples = read_columns(folder.samples) if folder.samples.exists() else {}
-    names = [name for name in samples if name not in OWN]
+    names = [name for name in samples if name not in OWN_COLUMNS]
     units = {name: output_unit(name) for name in (*names, *protocol.commands)}
     run: dict[str, Any] = {
         "number": folder.number,

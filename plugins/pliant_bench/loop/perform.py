@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from pliant_bench.bench import (
     RunStoppedError,
     Watch,
 )
-from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, SampleLog, read_columns, write_recording
+from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, SampleLog, write_recording
 
 STOP_BUTTON = "The stop button was pressed."
 # A run with fewer samples says nothing, and is left out of the measurement.
@@ -82,21 +82,4 @@ def finish(folder: RoundFolder, recording: BenchRecording) -> None:
 
 def record_from_samples(folder: RoundFolder, ending: Ending = "lost", reason: str = CUT_OFF) -> None:
     """Write the recording of a run that was cut off, from the samples on disk."""
-    protocol = folder.read_protocol()
-    columns = read_columns(folder.samples) if folder.samples.exists() else {}
-    empty: Any = np.zeros(0)
-    outputs = [name for name in columns if name not in protocol.commands]
-    outputs = [name for name in outputs if name not in ("index", "commanded_s", "read_s", "late")]
-    finish(
-        folder,
-        BenchRecording(
-            protocol,
-            columns.get("commanded_s", empty),
-            columns.get("read_s", empty),
-            {name: columns.get(name, empty) for name in protocol.commands},
-            {name: columns[name] for name in outputs},
-            columns.get("late", empty) > 0.5,
-            ending,
-            reason,
-        ),
-    )
+    finish(folder, replace(folder.read_recording(), ending=ending, reason=reason))

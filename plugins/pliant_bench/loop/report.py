@@ -25,7 +25,7 @@ from pliant.report.document import (
     section,
 )
 from pliant_bench.loop.decision import Ended
-from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, read_columns
+from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns
 from pliant_bench.loop.terminal import bits
 
 NOTHING = "nothing missing"
@@ -211,7 +211,7 @@ def _outputs(rounds: Sequence[RoundFolder]) -> list[str]:
     names: dict[str, None] = {}
     for one in rounds:
         inputs = one.read_protocol().commands
-        own = ("index", "commanded_s", "read_s", "late", *inputs)
+        own = (*OWN_COLUMNS, *inputs)
         names |= dict.fromkeys(name for name in read_columns(one.samples) if name not in own)
     return list(names)
 

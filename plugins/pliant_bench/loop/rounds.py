@@ -15,7 +15,6 @@ from typing import Protocol
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.execution.executors import Workers
-from pliant.records.history import History
 from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_json
 from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
@@ -40,14 +39,12 @@ class Choice:
 
     Attributes:
         protocol: what to do.
-        history: its inputs for the model.
         why: the reason in a sentence.
         expected_nats: expected fall of the entropy of the explanations' probabilities; None where nothing is known.
         minutes: on the bench, with setting up.
     """
 
     protocol: BenchProtocol
-    history: History
     why: str
     expected_nats: float | None
     minutes: float
@@ -98,6 +95,7 @@ def run_rounds(experiment: Experiment) -> Ended:
         UserError: the bench cannot go on.
     """
     recover(experiment.folder)
+    experiment.bench.resume([one.read_recording() for one in experiment.folder.rounds() if one.is_recorded])
     latest: tuple[int, Diagnosis] | None = None
     recordings: list[BenchRecording] = []
     while True:

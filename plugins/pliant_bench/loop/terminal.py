@@ -109,7 +109,7 @@ class TerminalPerson(Person):
         """Print what to set, and wait for Enter."""
         todo = [words(name, value) for name, value in changes.items()]
         todo += ["a new specimen, never loaded before"] if new_specimen else []
-        self._session.err.print(f"Please set: {listed(todo, 'and')}.", markup=False)
+        self._session.err.print(f"Please set: {listed(todo)}.", markup=False)
         typer.prompt("Press Enter when it is done", default="", show_default=False, err=True)
 
     def confirm(self, question: str) -> bool:
