@@ -156,6 +156,10 @@ class RunStoppedError(Exception):
     """A reason to end a run at once; its text is a sentence."""
 
 
+class ConnectionLostError(RunStoppedError):
+    """The bench no longer answers; the run ends as `lost`."""
+
+
 @dataclass(frozen=True)
 class ChannelCheck:
     """Result of the handshake of one channel: its value at rest, and a sentence where something is wrong."""

@@ -1,0 +1,263 @@
+"""Benches whose inputs can be set, and whose outputs can be read, at any time: the loop that paces a run.
+
+A driver writes `connect`, `inputs`, `outputs`, `exchange`, `vent` and `close`. The loop sends each command when it is
+due, checks it against the limits once more, marks late samples, and vents however the run ends.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pliant_bench.bench import (
+    Bench,
+    BenchChannel,
+    BenchConfig,
+    BenchProtocol,
+    BenchRecording,
+    BenchSample,
+    ChannelCheck,
+    ConnectionLostError,
+    Ending,
+    RunStoppedError,
+    Watch,
+)
+from pliant_bench.clock import Clock, RealClock
+from pliant_bench.limits import CommandGuard, check_protocol
+
+CHECK_SAMPLES, CHECK_PERIOD_S = 5, 0.1
+VENT_ATTEMPTS = 3
+# `stop` waits this long for the run to vent.
+STOP_S = 5.0
+STOPPED = "The run was stopped by the user."
+
+
+class SampledBench(Bench):
+    """A bench that is paced sample by sample.
+
+    `stall_s` is the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
+    bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling thread, for
+    benches that cannot hang.
+    """
+
+    stall_s: ClassVar[float | None] = 1.0
+
+    def __init__(self, config: BenchConfig) -> None:
+        super().__init__(config)
+        self.clock: Clock = RealClock()
+        self._stopping = threading.Event()
+        self._idle = threading.Event()
+        self._idle.set()
+        self._running_in: int | None = None
+
+    @abstractmethod
+    def exchange(self, commands: Mapping[str, float]) -> Mapping[str, float]:
+        """Set every input and read every output once, SI; an output without a reading is NaN or missing.
+
+        Raises:
+            ConnectionLostError: the bench no longer answers and will not again.
+        """
+
+    @abstractmethod
+    def vent(self) -> None:
+        """Set the inputs to rest at once; called before and after each run, maybe while `exchange` hangs."""
+
+    def check(self) -> tuple[ChannelCheck, ...]:
+        """Return the medians of a few slow readings at rest."""
+        self.vent()
+        rest = {channel.name: channel.rest for channel in self.inputs}
+        readings: list[Mapping[str, float]] = []
+        for _ in range(CHECK_SAMPLES):
+            self.clock.sleep_until(self.clock.now() + CHECK_PERIOD_S)
+            readings.append(_within(self.stall_s, partial(self.exchange, rest)))
+        self.vent()
+        inputs = [ChannelCheck(channel.name, channel.rest) for channel in self.inputs]
+        return (*inputs, *(_checked(channel, readings) for channel in self.outputs))
+
+    def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
+        """Perform the run and return its recording; Ctrl-C and errors of `watch` are raised again after venting."""
+        inputs = self.inputs
+        check_protocol(protocol, inputs)
+        samples: list[BenchSample] = []
+        ending: Ending = "complete"
+        reason = ""
+        self._stopping.clear()
+        self._idle.clear()
+        self._running_in = threading.get_ident()
+        try:
+            try:
+                self._perform(protocol, inputs, watch, samples)
+            except RunStoppedError as stopped:
+                ending = "lost" if isinstance(stopped, ConnectionLostError) else "stopped"
+                reason = str(stopped)
+            except OSError as error:
+                ending, reason = "lost", f"The connection to the bench was lost ({_cause(error)})."
+            finally:
+                unvented = self._vent_surely()
+        finally:
+            self._running_in = None
+            self._idle.set()
+        if unvented:
+            ending, reason = "lost", f"{reason} {unvented}".strip()
+        return recorded(protocol, samples, self.outputs, ending, reason)
+
+    def stop(self) -> None:
+        """End the run and vent; return when it has vented."""
+        self._stopping.set()
+        if self._running_in == threading.get_ident():  # called by the watch: the loop vents after this sample
+            return
+        if self._idle.is_set():
+            self.vent()
+        else:
+            self._idle.wait(STOP_S)
+
+    def _perform(
+        self,
+        protocol: BenchProtocol,
+        inputs: tuple[BenchChannel, ...],
+        watch: Watch,
+        samples: list[BenchSample],
+    ) -> None:
+        times = np.asarray(protocol.time_s, float)
+        periods = np.diff(times, append=2 * times[-1] - times[-2])
+        guard = CommandGuard(inputs, float(periods.max()))
+        with _Worker(self.stall_s) as worker:
+            worker.call(self.vent, "did not vent")
+            start_s, sent_s = self.clock.now(), 0.0
+            for index, (due_s, period_s) in enumerate(zip(times.tolist(), periods.tolist(), strict=True)):
+                if self.clock.sleep_until(start_s + due_s, self._stopping):
+                    raise RunStoppedError(STOPPED)
+                commanded_s = self.clock.now() - start_s
+                is_late = commanded_s > due_s + period_s
+                # The path at this instant; if late, at the present time, so that no step is made up in a hurry.
+                sent_s = max(sent_s, min(commanded_s, times[-1]) if is_late else due_s)
+                commands = _at(protocol, index, sent_s)
+                if violation := guard.admit(sent_s, commands):
+                    raise RunStoppedError(
+                        f"The run was stopped before a command that is not allowed: {violation}."
+                    )
+                readings = worker.call(partial(self.exchange, commands), "did not answer")
+                read_s = self.clock.now() - start_s
+                sample = BenchSample(
+                    index, commanded_s, read_s, commands, readings, is_late or read_s > due_s + period_s
+                )
+                samples.append(sample)
+                watch(sample)
+
+    def _vent_surely(self) -> str:
+        """Vent, and again after an error or Ctrl-C; return a sentence where it failed."""
+        cause, interruption = "", None
+        for _ in range(VENT_ATTEMPTS):
+            try:
+                _within(self.stall_s, self.vent)
+            except KeyboardInterrupt as pressed:
+                interruption, cause = pressed, "Ctrl-C was pressed"
+            except Exception as error:  # of a driver: any
+                cause = _cause(error)
+            else:
+                cause = ""
+                break
+        if interruption is not None:
+            raise interruption
+        return f"The bench could not be vented ({cause}): vent it by hand." if cause else ""
+
+
+class _Worker:
+    """A thread that calls a driver, so that a call that hangs can be given up; without `stall_s` there is no thread."""
+
+    def __init__(self, stall_s: float | None) -> None:
+        self._stall_s = stall_s
+        self._calls: queue.SimpleQueue[Callable[[], Any] | None] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
+
+    def __enter__(self) -> _Worker:
+        if self._stall_s is not None:
+            threading.Thread(target=self._work, name="pliant bench", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._calls.put(None)
+
+    def call(self, function: Callable[[], Any], failure: str) -> Any:
+        """Return the result of a call, or raise its error or that it takes too long."""
+        if self._stall_s is None:
+            return function()
+        self._calls.put(function)
+        try:
+            result, error = self._results.get(timeout=self._stall_s)
+        except queue.Empty:
+            raise ConnectionLostError(f"The bench {failure} for {self._stall_s:g} s.") from None
+        if error is not None:
+            raise error
+        return result
+
+    def _work(self) -> None:
+        while (function := self._calls.get()) is not None:
+            try:
+                self._results.put((function(), None))
+            except BaseException as error:
+                self._results.put((None, error))
+
+
+def _cause(error: Exception) -> str:
+    """Return the text of an error inside brackets."""
+    text = (error.strerror or "") if isinstance(error, OSError) else ""
+    return (text or str(error) or type(error).__name__).rstrip(".")
+
+
+def _within(stall_s: float | None, function: Callable[[], Any]) -> Any:
+    with _Worker(stall_s) as worker:
+        return worker.call(function, "did not answer")
+
+
+def _at(protocol: BenchProtocol, index: int, time_s: float) -> dict[str, float]:
+    """Return the commands at a time; those of the instant itself without interpolation."""
+    if time_s == protocol.time_s[index]:
+        return protocol.commands_at(index)
+    return {
+        name: float(np.interp(time_s, protocol.time_s, values)) for name, values in protocol.commands.items()
+    }
+
+
+def _checked(channel: BenchChannel, readings: list[Mapping[str, float]]) -> ChannelCheck:
+    values = np.array([one.get(channel.name, np.nan) for one in readings], float)
+    read = values[np.isfinite(values)]
+    if not len(read):
+        return ChannelCheck(channel.name, np.nan, f"{channel.name} gives no reading.")
+    value, limits = float(np.median(read)), channel.limits
+    if not limits.low <= value <= limits.high:
+        return ChannelCheck(
+            channel.name, value, f"{channel.name} reads {value:g}, outside [{limits.low:g}, {limits.high:g}]."
+        )
+    if len(read) < len(values):
+        lost = len(values) - len(read)
+        return ChannelCheck(
+            channel.name, value, f"{channel.name} gives no reading in {lost} of {len(values)} samples."
+        )
+    return ChannelCheck(channel.name, value)
+
+
+def recorded(
+    protocol: BenchProtocol,
+    samples: list[BenchSample],
+    outputs: tuple[BenchChannel, ...],
+    ending: Ending = "complete",
+    reason: str = "",
+) -> BenchRecording:
+    """Return the recording of the samples of a run; readings of other outputs are left out."""
+    return BenchRecording(
+        protocol,
+        np.array([one.commanded_s for one in samples], float),
+        np.array([one.read_s for one in samples], float),
+        {name: np.array([one.commands[name] for one in samples], float) for name in protocol.commands},
+        {c.name: np.array([one.readings.get(c.name, np.nan) for one in samples], float) for c in outputs},
+        np.array([one.late for one in samples], bool),
+        ending,
+        reason,
+    )

@@ -1,0 +1,37 @@
+"""Protocols for the tests of benches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from pliant_bench.bench import BenchProtocol, BenchSample
+
+PERIOD_S = 0.01
+
+
+@pytest.fixture
+def hill() -> Callable[..., BenchProtocol]:
+    """Return a function that gives a triangle of pressure up to a level, sampled every 10 ms."""
+
+    def made(level: float = 10e3, duration_s: float = 4.0, acceleration_s: float = 0.3) -> BenchProtocol:
+        time_s = np.arange(round(duration_s / PERIOD_S) + 1) * PERIOD_S
+        path = 0.5 - 0.5 * np.cos(2 * np.pi * time_s / duration_s)
+        path[-1] = 0.0
+        return BenchProtocol("hill", "up and down", time_s, {"pressure_pa": level * path})
+
+    return made
+
+
+@pytest.fixture
+def unwatched() -> Callable[[BenchSample], None]:
+    return lambda sample: None
+
+
+def pressure(values: Sequence[float], period_s: float = PERIOD_S) -> BenchProtocol:
+    """Return a protocol of one pressure."""
+    return BenchProtocol(
+        "raw", "a raw path", np.arange(len(values)) * period_s, {"pressure_pa": np.array(values, float)}
+    )
