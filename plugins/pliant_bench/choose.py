@@ -21,7 +21,7 @@ from pliant.diagnosis.verdict import named
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.formatting import number
 from pliant.records.measurement import Measurement
-from pliant_bench.beliefs import Question, exposing, question
+from pliant_bench.beliefs import Question, question
 from pliant_bench.bench import BenchChannel, BenchProtocol
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.menu import menu_protocols
@@ -147,9 +147,7 @@ def choose_next(
     if asked.purpose == "decide":
         words = " or ".join(named(kinds) for kinds in asked.belief.contenders)
         why = f"No allowed run would decide between the explanations that are left: {words}."
-        other = search.best(exposing(diagnosis, opened.context.registry), effort)
-        none = Choice(None, "decide", why, splits=False)
-        return none if other is None else replace(other, why=f"{why} {other.why}", splits=False)
+        return Choice(None, "decide", why, splits=False)
     return Choice(None, "expose", "No allowed run would show a further effect of the list.")
 
 
@@ -211,12 +209,12 @@ class _Search:
             candidates += [_Candidate(self.space.protocol(one, ""), one) for one in members]
             one = self._sequence(candidates, asked, 2)
             if one is not None:
-                found.append(self._refined(one, asked, effort, rng))
+                found.append(one)
         if not found:
             return None
         enough = TELLING * max(sum(one.nats) for one in found)
         chosen = max((one for one in found if sum(one.nats) >= enough), key=lambda one: one.rate)
-        return self._choice(chosen, asked)
+        return self._choice(self._refined(chosen, asked, effort, rng), asked)
 
     def _was_done(self, protocol: BenchProtocol) -> bool:
         return any(
