@@ -70,7 +70,9 @@ class RichRuns:
         runs = rich_protocols(self.bench)
         run = runs[number - 1]
         before = dict(runs[number - 2].conditions) if number > 1 else dict(run.conditions)
-        return Choice(run, "decide", "the rich protocol", 0.0, minutes(run, standing or before, self.settings))
+        return Choice(
+            run, "decide", "the rich protocol", 0.0, minutes(run, standing or before, self.settings)
+        )
 
 
 def rich_protocols(bench: BedBench) -> list[BenchProtocol]:

@@ -74,7 +74,14 @@ def perform(arm: str, study: Path, label: Mapping[str, Any], seed: int, folder: 
     started, cpu = time.perf_counter(), time.process_time()
     ended = run_rounds(
         Experiment(
-            opened, settings, bench, experiments, model_inputs(opened), api.candidates(opened), planner, Nobody()
+            opened,
+            settings,
+            bench,
+            experiments,
+            model_inputs(opened),
+            api.candidates(opened),
+            planner,
+            Nobody(),
         )
     )
     rounds = experiments.rounds()
@@ -122,14 +129,16 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
                 with tempfile.TemporaryDirectory() as scratch:
                     seed = ARMS.index(arm) + 10 * task.spec.seed
                     line |= perform(arm, study, label, seed, Path(scratch))
-            except Exception as error:  # noqa: BLE001 - one truth must not end the others
+            except Exception as error:
                 line |= {"error": f"{type(error).__name__}: {error}", "wall_s": 0.0}
             append(results, line)
             spent = f"{line.get('cpu_s', 0.0):.0f} s CPU"
             print(f"{number}/{len(tasks)} {arm}: {line.get('ended') or line['error']}, {spent}", flush=True)
 
 
-def judged(plan: LoopPlan, folder: Path, results: Path, key: bytes) -> list[tuple[str, Judged, dict[str, Any]]]:
+def judged(
+    plan: LoopPlan, folder: Path, results: Path, key: bytes
+) -> list[tuple[str, Judged, dict[str, Any]]]:
     """Return arm, judged answer and line of every result, in the order of the plan."""
     lines, found = read(results), []
     for task in plan.tasks():
@@ -225,7 +234,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     plan = replace(plan, split="judged", draw=code) if given.sealed else plan
     results = folder / (f"sealed-{code}.jsonl" if given.sealed else "calibration.jsonl")
     key = seal.judge_key(folder / "judge.key")
-    begun = {"run": f"{code} {ledger.now()}", "began": ledger.now(), "commit": ledger.commit(CODE), "code": code}
+    begun = {
+        "run": f"{code} {ledger.now()}",
+        "began": ledger.now(),
+        "commit": ledger.commit(CODE),
+        "code": code,
+    }
     if given.sealed and not given.summarise:
         ledger.note({**begun, "share": given.share, "planned": len(LoopPlan().tasks())}, LEDGER)
     if not given.summarise:

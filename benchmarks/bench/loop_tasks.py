@@ -79,7 +79,11 @@ class LoopPlan:
 def experiment(robot: Robot) -> ExperimentConfig:
     """Return what the bench of a robot may do: as far, as fast and as warm as the rich protocol, in steps of 0.2 s."""
     inputs = {
-        robot.drive: {"high": robot.drive_max, "rate": robot.drive_max / 1.5, "acceleration": robot.drive_max},
+        robot.drive: {
+            "high": robot.drive_max,
+            "rate": robot.drive_max / 1.5,
+            "acceleration": robot.drive_max,
+        },
         "moment_n_m": {
             "low": -LOAD_N_M,
             "high": LOAD_N_M,

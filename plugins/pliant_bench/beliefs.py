@@ -1,8 +1,8 @@
-"""What a next run has to tell apart: the explanations that are left, or a settled verdict and what could still be missing.
+"""What a next run has to tell apart: the explanations that are left, or the only one and what could still be missing.
 
-A verdict is settled where the runs so far leave one explanation. The next run should then be the one most likely to
-contradict it: the explanation alone competes with the explanation and one further effect of the list, each further
-effect at the parameters that the runs so far leave possible, those that they determine least first.
+Where one explanation has no rival, the next run should be the one most likely to contradict it: the explanation alone
+competes with the explanation and one further effect of the list, each further effect at the parameters that the runs so
+far leave possible, those that they determine least first.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from pliant.diagnosis.evidence_table import NOTHING, Kinds
 from pliant.diagnosis.next_run import MOST_CONTENDERS, SMALL, Belief, information_matrix
 from pliant.registry.discovery import Registry
 
-# Probability of a settled explanation against all further effects together: even odds ask for the most telling run.
+# An explanation with less than this share of the largest probability is no rival.
+RIVAL = 0.05
+# Probability of an explanation without a rival against all further effects together: even odds.
 SETTLED = 0.5
 Purpose = Literal["decide", "expose"]
 
@@ -31,7 +33,7 @@ class Question:
     """What a run has to tell apart.
 
     Attributes:
-        purpose: decide between the explanations that are left, or expose what a settled one lacks.
+        purpose: decide between the explanations that are left, or expose what the only one lacks.
         belief: the contenders with their probabilities; assumed ones where the purpose is to expose.
     """
 
@@ -43,7 +45,8 @@ def question(diagnosis: Diagnosis, registry: Registry) -> Question:
     """Return what the next run has to tell apart."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
     settled = diagnosis.verdict in ("missing_effect", "nothing_missing", "law_off", "unknown_effect")
-    if not settled and len(belief.contenders) > 1:
+    shares = sorted((belief.probability[kinds] for kinds in belief.contenders), reverse=True)
+    if not settled and len(shares) > 1 and shares[1] >= RIVAL * shares[0]:
         return Question("decide", belief)
     return exposing(diagnosis, registry)
 
@@ -80,7 +83,7 @@ def _least_determined(diagnosis: Diagnosis, belief: Belief) -> list[Kinds]:
 
 
 def _added(diagnosis: Diagnosis, base: Kinds, kinds: Kinds, registry: Registry) -> EffectFit:
-    """Return the fit of the explanation with one further effect; unless it was fitted, the effect begins at no strength."""
+    """Return the fit of the explanation with one further effect, which begins at no strength."""
     first, second = diagnosis.fits[base], diagnosis.fits[kinds]
     if base == NOTHING:
         return second

@@ -31,6 +31,9 @@ from pliant_bench.protocol_space import STILL_S, ProtocolSpace, SpaceMember, cha
 
 # Settings with less than this share of the largest information are not chosen for being quick to set.
 TELLING = 0.5
+# Minutes that every run is charged in the comparison beside its own: longer runs tell more per diagnosis, and a verdict
+# on little data is less reliable than its probability says.
+PER_ROUND = 1.0
 # Levels of the first condition as shares of the range, and the hold at the higher one.
 FIRST_LEVELS, FIRST_HOLD_S, FIRST_PACE = (0.35, 0.7), 6.0, 0.5
 
@@ -63,7 +66,7 @@ class Choice:
 
     Attributes:
         protocol: the run; None if no allowed run would tell anything.
-        purpose: decide between explanations, expose what a settled one lacks, or repeat a run.
+        purpose: decide between explanations, expose what the only one lacks, or repeat a run.
         why: the reason, in a sentence.
         expected_nats: expected information; where the purpose is to expose, if something were missing with even odds.
         minutes: of the run, with setting up and with a person's work.
@@ -237,7 +240,7 @@ class _Search:
         ]
         if not allowed:
             return None
-        left = self.minutes_left - self._visits(allowed[0].protocol)
+        left = self.minutes_left - self._visits(allowed[0].protocol) + PER_ROUND * count
         chosen = next_runs(self._view(allowed), asked.belief, count, left)
         if not chosen:
             return None
@@ -257,7 +260,7 @@ class _Search:
         runs = []
         for k, one in enumerate(candidates):
             protocol = replace(one.protocol, name=str(k))
-            runs.append(planned_from_protocol(protocol, inputs, self._minutes(protocol), body))
+            runs.append(planned_from_protocol(protocol, inputs, PER_ROUND + self._minutes(protocol), body))
         scales, independent = self.diagnosis.scales, self.diagnosis.noise.n_effective
         slow = seconds_per_reading(measured, len(scales), independent)
         return CatalogueView.from_predictor(self.model, runs, scales, slow)
