@@ -127,10 +127,10 @@ def test_a_person_is_charged_and_the_choice_says_what_to_set(clean: tuple[Labora
     visits = len(choice.to_set)
     motion = choice.protocol.duration_s / 60.0
     assert choice.minutes == pytest.approx(motion + 0.2 + 2.0 * visits)
-    if visits:
-        assert all(run.conditions == choice.protocol.conditions for run in choice.then)
+    assert visits == 1  # the pressure alone shows no further effect
+    assert all(run.conditions == choice.protocol.conditions for run in choice.then)
     near = lab.choose(diagnosis, minutes_left=2.0)  # too short for a visit
-    assert near.protocol is not None and not near.to_set and near.minutes <= 2.0
+    assert not near.to_set and near.minutes <= 2.0
 
 
 def test_no_run_fits_into_no_time(clean: tuple[Laboratory, Diagnosis]) -> None:
