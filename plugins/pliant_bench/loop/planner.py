@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.pipeline.study import build_study_chain
 from pliant.records.measurement import Measurement
-from pliant_bench.bench import Bench, BenchProtocol
+from pliant_bench.bench import Bench, BenchChannel, BenchProtocol
 from pliant_bench.choose import Choice, SearchEffort, choose_next, first_runs
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.protocol_space import ProtocolSpace
@@ -33,6 +33,11 @@ class TellingPlanner:
     settings: ExperimentConfig
     bench: Bench
     effort: SearchEffort | None = None
+
+    @property
+    def channels(self) -> tuple[BenchChannel, ...]:
+        """Return the inputs of the bench, with the limits of the study and of the driver."""
+        return limited_inputs(self.settings, self.bench)
 
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition."""
@@ -61,10 +66,11 @@ class RandomPlanner:
     settings: ExperimentConfig
     bench: Bench
     seed: int = 0
-    space: ProtocolSpace = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "space", ProtocolSpace.from_settings(self.settings, self.bench.inputs))
+    @property
+    def channels(self) -> tuple[BenchChannel, ...]:
+        """Return the inputs of the bench, with the limits of the study and of the driver."""
+        return limited_inputs(self.settings, self.bench)
 
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition."""
@@ -75,7 +81,8 @@ class RandomPlanner:
     ) -> Choice:
         """Return a random run."""
         rng = np.random.default_rng([self.seed, len(done)])
-        protocol = self.space.protocol(self.space.random(rng, self.settings.standing), "random")
+        space = ProtocolSpace.from_settings(self.settings, self.bench.inputs)
+        protocol = space.protocol(space.random(rng, self.settings.standing), "random")
         minutes = protocol.duration_s / 60.0 + self.settings.set_up_minutes
         return Choice(protocol, "decide", "A random run.", 0.0, minutes)
 
@@ -85,3 +92,8 @@ def first_repeat(settings: ExperimentConfig, bench: Bench) -> Choice:
     protocol = first_runs(settings, bench.inputs)[0]
     minutes = protocol.duration_s / 60.0 + settings.set_up_minutes
     return Choice(protocol, "repeat", "Repeats of one condition show the noise of the bench.", 0.0, minutes)
+
+
+def limited_inputs(settings: ExperimentConfig, bench: Bench) -> tuple[BenchChannel, ...]:
+    """Return the inputs of a bench, with the limits of the study and of the driver."""
+    return tuple(axis.channel for axis in ProtocolSpace.from_settings(settings, bench.inputs).axes)
