@@ -1,0 +1,1 @@
+"""Benchmarks of benches and of the closed loop."""
