@@ -16,7 +16,14 @@ HERE = "pliant_bench"
 @hookimpl
 def pliant_interfaces() -> Iterable[Interface]:
     """Return the interface of drivers."""
-    return [Interface("bench", config=f"{HERE}.bench:BenchConfig", bases=(f"{HERE}.bench:Bench",))]
+    return [
+        Interface(
+            "bench",
+            config=f"{HERE}.bench:BenchConfig",
+            bases=(f"{HERE}.bench:Bench",),
+            checks=(f"{HERE}.conformance",),
+        )
+    ]
 
 
 @hookimpl
@@ -43,4 +50,21 @@ def pliant_blocks() -> Iterable[Block]:
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """Return the drivers."""
-    return []
+    return [
+        Component(
+            "bench",
+            "serial",
+            config=f"{HERE}.drivers.line_config:SerialConfig",
+            implementation=f"{HERE}.drivers.serial_line:SerialBench",
+            summary="a microcontroller on a serial port",
+            requires=("serial",),
+            install="pip install 'pliant[bench]'",
+        ),
+        Component(
+            "bench",
+            "socket",
+            config=f"{HERE}.drivers.line_config:SocketConfig",
+            implementation=f"{HERE}.drivers.socket_line:SocketBench",
+            summary="a program or microcontroller on a TCP port, with the lines of `serial`",
+        ),
+    ]

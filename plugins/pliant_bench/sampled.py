@@ -11,7 +11,7 @@ import threading
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -41,12 +41,15 @@ STOPPED = "The run was stopped by the user."
 class SampledBench(Bench):
     """A bench that is paced sample by sample.
 
-    `stall_s` is the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
-    bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling thread, for
-    benches that cannot hang.
+    Attributes:
+        stall_s: the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
+            bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling
+            thread, for benches that cannot hang.
+        age_s: how long before the return of `exchange` the outputs were read; a driver that knows it sets it.
     """
 
-    stall_s: ClassVar[float | None] = 1.0
+    stall_s: float | None = 1.0
+    age_s: float = 0.0
 
     def __init__(self, config: BenchConfig) -> None:
         super().__init__(config)
@@ -143,7 +146,7 @@ class SampledBench(Bench):
                         f"The run was stopped before a command that is not allowed: {violation}."
                     )
                 readings = worker.call(partial(self.exchange, commands), "did not answer")
-                read_s = self.clock.now() - start_s
+                read_s = max(commanded_s, self.clock.now() - start_s - self.age_s)
                 sample = BenchSample(
                     index, commanded_s, read_s, commands, readings, is_late or read_s > due_s + period_s
                 )
