@@ -82,10 +82,8 @@ class Emulator:
 
     def valve(self) -> tuple[Array, Array]:
         """Return the times in seconds, of CLOCK_MONOTONIC in real time, and pressures of all changes of the valve."""
-        rows = [
-            line.split() for line in self.log.read_text().splitlines(keepends=True) if line.endswith("\n")
-        ]
-        table = np.array(rows, float).reshape(-1, 2)
+        complete, _, _ = self.log.read_text().rpartition("\n")
+        table: Array = np.array(complete.split(), float).reshape(-1, 2)
         return table[:, 0] / 1000, table[:, 1]
 
     def close(self) -> None:

@@ -106,7 +106,7 @@ def test_no_sample_is_wrong_silently_on_a_bad_line(serial_bench, kind):
     assert is_read.mean() > 0.5
     # The finger moves by up to 0.5 rad/s: a reading that were 20 ms old would be wrong by 10 mrad.
     true = angle_of(bench.device, min(starts) + done.read_s[is_read])
-    assert np.abs(read[is_read] - true).max() < 4e-3
+    assert np.abs(read[is_read] - true).max() < 2.5e-3
 
 
 def test_limits_hold_on_a_bad_line(serial_bench):

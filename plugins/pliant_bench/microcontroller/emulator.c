@@ -97,20 +97,19 @@ int main(int argc, char **argv) {
       if (n > 0) heard_ms = clock_ms();
       else usleep(1000); /* hung up: no bytes come, time goes on */
     }
-    line_ended = 0;
-    pliant_loop();
-    if (step_ms) {
-      for (uint32_t k = 0; line_ended && k < step_ms; k++) {
-        virtual_ms++;
-        pass(1e-3);
-        pliant_loop();
-      }
-    } else {
+    if (!step_ms) { /* under the pressure until now, before it changes */
       uint64_t now = clock_ms();
       pass((double)(now - passed_ms) * 1e-3);
       passed_ms = now;
-      fflush(log_file);
     }
+    line_ended = 0;
+    pliant_loop();
+    for (uint32_t k = 0; line_ended && k < step_ms; k++) {
+      virtual_ms++;
+      pass(1e-3);
+      pliant_loop();
+    }
+    if (!step_ms) fflush(log_file);
   }
   fclose(log_file);
   return 0;
