@@ -28,12 +28,24 @@ def app(
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the session; runs/<study>-app by default."),
     ] = None,
+    experiment: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Follow an experiment live instead: its folder."),
+    ] = None,
     port: Annotated[int, typer.Option(help="Port on loopback; a free one by default.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> None:
     """Compare, localise errors, diagnose and add effects on a page in the browser, on this machine alone."""
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise MissingDependencyError(f"the page needs {' and '.join(missing)}: pip install 'pliant[app]'.")
+    if experiment is not None:
+        if files or out is not None:
+            raise UserError("--experiment follows a folder; leave files and --out away.")
+        from pliant_app.experiment import experiment_folder
+        from pliant_app.server import serve_experiment  # the extra
+
+        serve_experiment(experiment_folder(experiment), port, browser, session.say)
+        return
     study, data = _sorted(files or [])
     from pliant_app.controller import SessionController  # the extra
     from pliant_app.folder import SessionFolder

@@ -38,11 +38,13 @@ from pliant.records.plain_values import plain
 from pliant.registry.discovery import discover
 from pliant.report.render import script_hashes
 from pliant_app.controller import SessionController
+from pliant_app.experiment import PAGE, reading, writing
 from pliant_app.exports import anywhere
 from pliant_app.folder import SessionFolder
 from pliant_app.open_model import OpenModel
 from pliant_app.page_state import as_effects
 from pliant_app.uploads import receive, safe_name
+from pliant_bench.loop.folder import ExperimentFolder
 
 TOKEN = "x-pliant-token"
 MOST_JSON = 1_000_000  # bytes of a request
@@ -106,21 +108,39 @@ def _refusal(sentence: str) -> Response:
     return PlainTextResponse(f"Refused: {sentence}\n", 403)
 
 
+def answer(ask: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
+    """Return a route's function that answers with JSON: the result of `ask`, or the sentence of its error."""
+
+    async def handle(request: Request) -> Response:
+        try:
+            values = await _values(request)
+            found = await run_in_threadpool(ask, values)
+        except PliantError as error:
+            return JSONResponse({"error": str(error)}, 422)
+        except (KeyError, TypeError, ValueError) as error:
+            return JSONResponse({"error": f"the request is not understood ({error})."}, 400)
+        return JSONResponse(plain(found))
+
+    return handle
+
+
+def experiment_application(folder: ExperimentFolder, token: str) -> Starlette:
+    """Return the server's application on the folder of an experiment."""
+
+    async def page(request: Request) -> Response:
+        return _shipped(PAGE)
+
+    routes = [
+        Route("/", page),
+        Route("/static/{name:path}", _static),
+        *(Route(f"/api/{name}", answer(ask), methods=["POST"]) for name, ask in writing(folder).items()),
+        *(Route(f"/api/{name}", answer(ask)) for name, ask in reading(folder).items()),
+    ]
+    return Starlette(routes=routes, middleware=[Middleware(Guard, token=token)])
+
+
 def application(controller: SessionController, token: str) -> Starlette:
     """Return the server's application on a session."""
-
-    def answer(ask: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
-        async def handle(request: Request) -> Response:
-            try:
-                values = await _values(request)
-                found = await run_in_threadpool(ask, values)
-            except PliantError as error:
-                return JSONResponse({"error": str(error)}, 422)
-            except (KeyError, TypeError, ValueError) as error:
-                return JSONResponse({"error": f"the request is not understood ({error})."}, 400)
-            return JSONResponse(plain(found))
-
-        return handle
 
     async def upload(request: Request) -> Response:
         try:
@@ -243,6 +263,8 @@ _SHIPPED = (
     "pictures.js",
     "effects.js",
     "describe.js",
+    PAGE,
+    "experiment.js",
 )
 
 
@@ -285,22 +307,36 @@ def serve(controller: SessionController, port: int, browse: bool, say: Callable[
         say("Ctrl-C ends the page; everything is saved, and the same command continues.")
         if browse:
             webbrowser.open(address)
-        config = uvicorn.Config(
-            application(controller, token),
-            log_level="error",
-            access_log=False,
-            timeout_graceful_shutdown=2,
-            server_header=False,
-            lifespan="off",
-        )
-        server = uvicorn.Server(config)
         try:
-            asyncio.run(server.serve(sockets=[bound]))
-        except KeyboardInterrupt:
-            pass  # uvicorn has ended already, and raises it again
+            _serve_until_interrupted(application(controller, token), bound)
         finally:
             controller.runner.stop()
             say("the page has ended; everything is saved.")
+
+
+def serve_experiment(folder: ExperimentFolder, port: int, browse: bool, say: Callable[[str], None]) -> None:
+    """Serve the live page of an experiment until Ctrl-C; arguments as for `serve`."""
+    token = secrets.token_urlsafe(24)
+    with _bound(port, exact=port != 0) as bound:
+        address = f"http://{LOOPBACK}:{int(bound.getsockname()[1])}/?token={token}"
+        say(f"page     {address}")
+        say("Ctrl-C ends the page; the experiment goes on.")
+        if browse:
+            webbrowser.open(address)
+        _serve_until_interrupted(experiment_application(folder, token), bound)
+
+
+def _serve_until_interrupted(app: Starlette, bound: socket.socket) -> None:
+    config = uvicorn.Config(
+        app,
+        log_level="error",
+        access_log=False,
+        timeout_graceful_shutdown=2,
+        server_header=False,
+        lifespan="off",
+    )
+    with suppress(KeyboardInterrupt):  # uvicorn has ended already, and raises it again
+        asyncio.run(uvicorn.Server(config).serve(sockets=[bound]))
 
 
 def warm() -> None:

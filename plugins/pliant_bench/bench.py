@@ -7,7 +7,7 @@ connecting, venting and closing), or `Bench` where it performs whole runs, such 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
@@ -201,6 +201,10 @@ class Bench(Configured[BenchConfig]):
     @abstractmethod
     def check(self) -> tuple[ChannelCheck, ...]:
         """Return the result of a slow handshake of every channel, with the inputs at rest."""
+
+    def resume(self, done: Sequence[BenchRecording]) -> None:
+        """Continue an interrupted experiment after these runs; after `connect`. A real specimen remembers them."""
+        return
 
     @abstractmethod
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:

@@ -89,6 +89,19 @@ class ExperimentConfig(FrozenModel):
     )
     unattended: bool = Field(False, description="--yes is allowed for runs on hardware")
 
+    def levels(self, name: str) -> tuple[float, ...]:
+        """Return the levels of a condition that a person can set, SI; the first is how the bench stands now."""
+        unit = si_unit(name) or "dimensionless"
+        return tuple(
+            parse_quantity(level, unit) if isinstance(level, str) else float(level)
+            for level in self.manual[name]
+        )
+
+    @property
+    def standing(self) -> dict[str, float]:
+        """Return the conditions as they are before the first run, SI."""
+        return {name: self.levels(name)[0] for name in self.manual}
+
     @model_validator(mode="after")
     def _check_ranges(self) -> ExperimentConfig:
         if not self.inputs:

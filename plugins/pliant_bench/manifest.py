@@ -34,6 +34,7 @@ def pliant_blocks() -> Iterable[Block]:
             "bench",
             interface="bench",
             description="what performs the runs of `pliant experiment` (docs/connect_your_bench.md)",
+            paths=("truth", "folder"),
             reader="experiment",
             fixed="it is the bench",
         ),
@@ -50,21 +51,41 @@ def pliant_blocks() -> Iterable[Block]:
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """Return the drivers."""
+    drivers = f"{HERE}.drivers"
     return [
         Component(
             "bench",
+            "simulated",
+            f"{drivers}.simulated:SimulatedBenchConfig",
+            f"{drivers}.simulated:SimulatedBench",
+            "a study as the specimen, with its effects, noise and memory; no hardware",
+            {"truth": "truth.yaml"},
+        ),
+        Component(
+            "bench",
             "serial",
-            config=f"{HERE}.drivers.line_config:SerialConfig",
-            implementation=f"{HERE}.drivers.serial_line:SerialBench",
-            summary="a microcontroller on a serial port",
+            f"{drivers}.line_config:SerialConfig",
+            f"{drivers}.serial_line:SerialBench",
+            "a microcontroller on a serial port",
             requires=("serial",),
             install="pip install 'pliant[bench]'",
         ),
         Component(
             "bench",
             "socket",
-            config=f"{HERE}.drivers.line_config:SocketConfig",
-            implementation=f"{HERE}.drivers.socket_line:SocketBench",
-            summary="a program or microcontroller on a TCP port, with the lines of `serial`",
+            f"{drivers}.line_config:SocketConfig",
+            f"{drivers}.socket_line:SocketBench",
+            "a program or microcontroller on a TCP port, with the lines of `serial`",
+        ),
+        Component(
+            "bench",
+            "files",
+            f"{drivers}.files:FilesConfig",
+            f"{drivers}.files:FilesBench",
+            "a folder that the laboratory's own software reads protocols from and writes recordings into",
+            {
+                "inputs": {"pressure_pa": {"high": "15 kPa", "rate": "20 kPa/s"}},
+                "outputs": {"angle_rad": {}},
+            },
         ),
     ]

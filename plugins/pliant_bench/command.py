@@ -1,0 +1,187 @@
+"""`pliant experiment`: plan, run, record and diagnose until a cause is named or nothing more can be told."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pliant import api
+from pliant.cli.options import (
+    Fitters,
+    Overrides,
+    Scheduler,
+    StudyFile,
+    report_folder,
+    verb,
+    workers_or_scheduler,
+)
+from pliant.cli.session import Session, check_writable
+from pliant.config.study import Study
+from pliant.diagnosis.extension import write_extended_study
+from pliant.errors import UserError
+from pliant.execution.executors import Workers
+from pliant.report.extension import cited
+from pliant.report.improvement import origin, stands_for
+from pliant_bench.bench import Bench, ChannelCheck
+from pliant_bench.config import ExperimentConfig
+from pliant_bench.loop.decision import Ended
+from pliant_bench.loop.folder import ExperimentFolder
+from pliant_bench.loop.person import Nobody, Person, words
+from pliant_bench.loop.planner import ProtocolPlanner
+from pliant_bench.loop.report import experiment_document
+from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.terminal import TerminalPerson, TerminalView
+
+IMPROVABLE = ("missing_effect", "unknown_effect", "law_off", "ambiguous")
+
+Yes = Annotated[
+    bool, typer.Option("--yes", help="Begin without a question; on hardware only with `unattended: true`.")
+]
+DryRun = Annotated[
+    bool,
+    typer.Option("--dry-run", help="Print and draw the next run and its expected motion; nothing moves."),
+]
+Candidates = Annotated[
+    list[str] | None,
+    typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
+]
+
+
+@verb()
+def experiment(
+    session: Session,
+    study: StudyFile,
+    overrides: Overrides = None,
+    effect: Candidates = None,
+    out: Annotated[Path | None, report_folder("experiment")] = None,
+    dry_run: DryRun = False,
+    yes: Yes = False,
+    workers: Fitters = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Plan, run, record and diagnose on a bench until a cause is named; resumes where it was interrupted."""
+    loaded = session.study(study, overrides, uses=("protocols",))
+    loaded.need("experiment", "'pliant experiment'")
+    loaded.need("bench", "'pliant experiment'")
+    session.leave_out_broken_effects()
+    settings: ExperimentConfig = getattr(loaded, "experiment")  # noqa: B009 - a package's block
+    opened = api.OpenStudy(loaded, session.context())
+    kinds = api.candidates(opened, effect)
+    folder = ExperimentFolder(out or Path("runs") / f"{loaded.name}-experiment")
+    check_writable(folder.path)
+    bench: Bench = opened.context.build("bench", getattr(loaded, "bench"))  # noqa: B009
+    person = _person(session, bench, settings, yes)
+    who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
+    session.result |= {"study": loaded.name, "out": str(folder.path)}
+    try:
+        bench.connect()
+        planner = ProtocolPlanner(opened, settings, bench, kinds, manual=person is not None)
+        if dry_run:
+            session.show(planner.dry_run(folder), folder.path)
+            return
+        resumed = folder.begin(
+            {"study": loaded.name, "study_sha256": _digest(study), "bench": bench.config.kind}
+        )
+        if resumed:
+            session.say(f"{folder.path}: the experiment goes on after run {len(folder.rounds())}.")
+        _check_channels(session, bench.check())
+        _confirm(person, bench, settings, bool(folder.recordings()))
+        view = TerminalView(session, len(kinds))
+        ended = run_rounds(
+            Experiment(
+                opened, settings, bench, folder, planner.inputs, kinds, planner, person or Nobody(), view, who
+            )
+        )
+    except KeyboardInterrupt:
+        session.say("The bench was vented. The same command goes on after the last recording.")
+        raise
+    finally:
+        bench.close()
+    _report(session, opened, study, folder, ended, kinds, who)
+
+
+def _person(session: Session, bench: Bench, settings: ExperimentConfig, yes: bool) -> Person | None:
+    """Return who is asked; None for nobody."""
+    if not bench.is_hardware:
+        return None
+    if yes and not settings.unattended:
+        raise UserError(
+            "--yes is for benches without a person: the study's block 'experiment' needs 'unattended: true' for it."
+        )
+    return None if yes else TerminalPerson(session)
+
+
+def _check_channels(session: Session, checks: tuple[ChannelCheck, ...]) -> None:
+    for one in checks:
+        session.say(f"  {words(one.name, one.value)}{f': {one.problem}' if one.problem else ''}")
+    if wrong := [one for one in checks if one.problem]:
+        raise UserError(f"channel '{wrong[0].name}' failed its check: {wrong[0].problem}")
+
+
+def _confirm(person: Person | None, bench: Bench, settings: ExperimentConfig, begun: bool) -> None:
+    """Ask before the first run on hardware."""
+    if person is None or begun:
+        return
+    limits = ", ".join(
+        f"{name} up to {words(name, one.limits(name).high)}" for name, one in settings.inputs.items()
+    )
+    if not person.confirm(f"The bench will move ({limits})."):
+        raise UserError("The experiment was not begun; --dry-run shows its first run.")
+
+
+def _digest(study: Path) -> str:
+    return hashlib.sha256(study.read_bytes()).hexdigest()
+
+
+def _report(
+    session: Session,
+    opened: api.OpenStudy,
+    study: Path,
+    folder: ExperimentFolder,
+    ended: Ended,
+    kinds: list[str],
+    who: Workers,
+) -> None:
+    """Write the improved study where something is to be added, and the report."""
+    minutes = sum(float((one.read("plan") or {})["minutes"]) for one in folder.rounds())
+    verdicts = [one for f in folder.rounds() if (one := f.read("verdict")) is not None]
+    improved = None
+    if verdicts and verdicts[-1]["verdict"] in IMPROVABLE:
+        improved = _improve(session, opened, study, opened.study, folder, kinds, who)
+    folder.write_status(doing="ended", why=ended.why, sentence=ended.sentence)
+    session.show(experiment_document(opened.study.name, folder, ended, minutes, improved), folder.path)
+
+
+def _improve(
+    session: Session,
+    opened: api.OpenStudy,
+    study: Path,
+    loaded: Study,
+    folder: ExperimentFolder,
+    kinds: list[str],
+    who: Workers,
+) -> str | None:
+    """Write the improved study beside the report; return its file, or None if no step is justified."""
+    data = folder.recordings()
+    measurement = api.read_measurement(opened, data)
+    steps = api.improve(opened, measurement, kinds=kinds, workers=who)
+    if steps.final is None and steps.learned is None:
+        return None
+    target = folder.path / "improved.yaml"
+    notes = {kind: stands_for(step) for step in steps.steps for kind in step.added}
+    write_extended_study(
+        study,
+        target,
+        loaded,
+        session.overrides,
+        steps.final,
+        origin(steps, cited(measurement)),
+        session.installed,
+        notes_by_kind=notes,
+        learned=steps.learned,
+        data=data,
+    )
+    return str(target)

@@ -1,0 +1,69 @@
+"""The end of an experiment: when a verdict holds, when no allowed run decides, when the budget is spent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pliant.formatting import listed, plural
+from pliant_bench.config import ExperimentConfig
+
+End = Literal["verdict", "class", "budget", "stopped", "bench"]
+# Verdicts that name a cause, or that nothing is missing.
+FINAL = ("missing_effect", "nothing_missing", "unknown_effect", "law_off")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Why an experiment ended, in a word and in a sentence."""
+
+    why: End
+    sentence: str
+
+
+def conclusion(verdict: Mapping[str, Any]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return what has to hold: the verdict, its effects, and its class."""
+    return (
+        verdict["verdict"],
+        tuple(sorted(verdict.get("selected", ()))),
+        tuple(sorted(verdict.get("selected_class", ()))),
+    )
+
+
+def rounds_held(verdicts: Sequence[Mapping[str, Any]]) -> int:
+    """Return for how many of the last diagnoses the conclusion has been the same."""
+    if not verdicts:
+        return 0
+    last, held = conclusion(verdicts[-1]), 0
+    for verdict in reversed(verdicts):
+        if conclusion(verdict) != last:
+            break
+        held += 1
+    return held
+
+
+def verdict_reached(verdicts: Sequence[Mapping[str, Any]], settings: ExperimentConfig) -> Ended | None:
+    """Return the end if a cause has been named for as many rounds as the study asks."""
+    held = rounds_held(verdicts)
+    if held < settings.rounds or verdicts[-1]["verdict"] not in FINAL:
+        return None
+    return Ended("verdict", f"The verdict has held for {plural(held, 'round')}.")
+
+
+def budget_spent(runs: int, minutes: float, next_minutes: float, settings: ExperimentConfig) -> Ended | None:
+    """Return the end if another run of this duration exceeds the budget."""
+    if runs >= settings.runs:
+        return Ended("budget", f"The budget of {plural(settings.runs, 'run')} is spent.")
+    if minutes + next_minutes > settings.minutes:
+        spent = f"{minutes:.3g} of {settings.minutes:g} min are spent"
+        return Ended("budget", f"{spent}, and the next run takes {next_minutes:.2g} min.")
+    return None
+
+
+def not_splittable(verdict: Mapping[str, Any]) -> Ended:
+    """Return the end at a class that no allowed run splits."""
+    left = verdict.get("selected_class") or [
+        " + ".join(kinds) or "nothing missing" for kinds in verdict.get("credible_set", [])
+    ]
+    return Ended("class", f"No run within the limits decides between {listed(list(left))}.")

@@ -1,0 +1,220 @@
+"""The story of an experiment, run by run: why each was done, what it was expected to tell and what it told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pliant.formatting import listed, output_unit, plural, whole_percent
+from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
+from pliant.report.chart_colours import INK, SERIES
+from pliant.report.document import (
+    Column,
+    Document,
+    Drawn,
+    Warned,
+    as_json,
+    brief_table,
+    drawn,
+    page_table,
+    picture,
+    section,
+)
+from pliant_bench.loop.decision import Ended
+from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns
+from pliant_bench.loop.terminal import bits
+
+NOTHING = "nothing missing"
+MOST_HYPOTHESES, MOST_RUNS, MOST_POINTS = 6, 12, 400
+
+
+@dataclass(frozen=True)
+class RunStory:
+    """One run with its plan, its recording and the verdict after it."""
+
+    number: int
+    plan: Mapping[str, Any]
+    recording: Mapping[str, Any]
+    verdict: Mapping[str, Any] | None
+
+    @staticmethod
+    def from_folder(folder: RoundFolder) -> RunStory:
+        """Return the story of a run that has been recorded."""
+        return RunStory(
+            folder.number, folder.read("plan") or {}, folder.read("recording") or {}, folder.read("verdict")
+        )
+
+    @property
+    def leading(self) -> tuple[str, float] | None:
+        """Return the most probable explanation and its probability; None before the first diagnosis."""
+        if self.verdict is None:
+            return None
+        first = self.verdict["hypotheses"][0]
+        return hypothesis(first["kinds"]), float(first["probability"])
+
+    @property
+    def obtained_nats(self) -> float | None:
+        """Return the information that the run gave; None where it is unknown."""
+        return None if self.verdict is None else self.verdict["obtained_nats"]
+
+
+COLUMNS: tuple[Column[RunStory], ...] = (
+    Column("number", head="run", brief="run"),
+    Column("plan.name", head="name"),
+    Column("plan.words", "run", head="what was done", brief="what was done"),
+    Column("plan.why", head="why"),
+    Column("plan.minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
+    Column("plan.expected_nats", head="expected", brief="expected", show=bits),
+    Column("obtained_nats", head="obtained", brief="obtained", show=bits),
+    Column("verdict.verdict", head="verdict after it"),
+    Column(
+        "leading",
+        head="most probable",
+        brief="most probable",
+        show=lambda lead: f"{lead[0]}, {whole_percent(lead[1])}",
+    ),
+    Column("recording.ending", "ending"),
+    Column("recording.reason", "reason"),
+    Column("recording.samples", "samples"),
+    Column("recording.late", "late"),
+)
+
+
+def hypothesis(kinds: Sequence[str]) -> str:
+    """Return the name of an explanation."""
+    return " + ".join(kinds) or NOTHING
+
+
+def experiment_document(
+    title: str, folder: ExperimentFolder, ended: Ended, minutes: float, improved: str | None
+) -> Document:
+    """Return the document of an experiment that has ended; `improved` is the file of the better study, if any."""
+    stories = [RunStory.from_folder(one) for one in folder.rounds() if one.is_recorded]
+    last = next((s.verdict for s in reversed(stories) if s.verdict is not None), None)
+    verdict = "No verdict was reached." if last is None else last["sentence"]
+    stopped = [s for s in stories if s.recording["ending"] != "complete"]
+    return Document(
+        kind=f"Pliant: an experiment · {title}",
+        title=verdict,
+        sentence=f"{ended.sentence} {plural(len(stories), 'run')}, {minutes:.3g} min of bench time.",
+        data={
+            "ended": ended.why,
+            "reason": ended.sentence,
+            "minutes": minutes,
+            "verdict": None if last is None else last["verdict"],
+            "selected": [] if last is None else last["selected"],
+            "selected_class": [] if last is None else last.get("selected_class", []),
+            "probabilities": {}
+            if last is None
+            else {hypothesis(h["kinds"]): h["probability"] for h in last["hypotheses"]},
+            "runs": [as_json(COLUMNS, story) for story in stories],
+            "recordings": [str(path) for path in folder.recordings()],
+            "improved_study": improved,
+        },
+        brief=(brief_table(COLUMNS, stories),),
+        warnings=tuple(
+            Warned(f"Run {s.number} was not complete ({s.recording['ending']}): {s.recording['reason']}")
+            for s in stopped
+        ),
+        closing=(
+            *([f"improved study {improved}"] if improved else []),
+            f"recordings {folder.path}/run_*/recording.csv",
+        ),
+        draw=partial(_drawn, stories, folder),
+        footer=f"Recordings: {listed([p.parent.name for p in folder.recordings()])} in {folder.path}",
+    )
+
+
+def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:
+    rounds = [one for one in folder.rounds() if one.recording.exists()]
+    outputs = _outputs(rounds)
+    return drawn(
+        picture(
+            "probabilities", "Probability of the explanations after each run.", probability_chart(stories)
+        ),
+        section("Run by run", page_table("Runs", COLUMNS, stories), open=True),
+        *(
+            section(
+                f"Expected and measured: {output_unit(name).label}",
+                picture(
+                    f"runs_{name}",
+                    "Readings while each run went on, and what was expected before it: the line of the most probable "
+                    "explanation with two standard deviations.",
+                    runs_chart(rounds[-MOST_RUNS:], name),
+                ),
+            )
+            for name in outputs
+        ),
+    )
+
+
+def probability_chart(stories: Sequence[RunStory]) -> Chart | None:
+    """Return the probabilities of the explanations over the runs."""
+    judged = [s for s in stories if s.verdict is not None]
+    if not judged:
+        return None
+    tables = [
+        {hypothesis(h["kinds"]): float(h["probability"]) for h in (s.verdict or {})["hypotheses"]}
+        for s in judged
+    ]
+    best = {name: max(t.get(name, 0.0) for t in tables) for table in tables for name in table}
+    names = sorted(best, key=lambda name: -best[name])[:MOST_HYPOTHESES]
+    x = np.array([float(s.number) for s in judged])
+    lines = tuple(
+        ChartLine(
+            name,
+            x,
+            100.0 * np.array([t.get(name, 0.0) for t in tables]),
+            "",
+            SERIES[k % len(SERIES)],
+            1.8,
+            6.0,
+        )
+        for k, name in enumerate(names)
+    )
+    axis = ChartAxis("probability", "%", ends=(-2.0, 102.0))
+    return Chart((Panel(ChartAxis("run"), axis, lines),), cell=(1200, 520))
+
+
+def runs_chart(rounds: Sequence[RoundFolder], output: str) -> Chart | None:
+    """Return per run the readings of an output over time, and what was expected."""
+    unit, panels = output_unit(output), []
+    for one in rounds:
+        samples, expected = read_columns(one.samples), one.read_expected()
+        if output not in samples:
+            continue
+        marks: list[Band | ChartLine] = []
+        if output in expected:
+            pick = _thin(len(expected["time_s"]))
+            clock, mean = expected["time_s"][pick], unit.factor * expected[output][pick]
+            wide = 2.0 * unit.factor * expected[f"{output} sd"][pick]
+            marks = [
+                Band("expected ± 2 sd", clock, mean - wide, mean + wide),
+                ChartLine("expected", clock, mean, "", SERIES[0], 1.2),
+            ]
+        pick = _thin(len(samples["read_s"]))
+        marks.append(
+            ChartLine(
+                "measured", samples["read_s"][pick], unit.factor * samples[output][pick], "", INK, 0.0, 2.5
+            )
+        )
+        name = (one.read("plan") or {})["name"]
+        panels.append(Panel(ChartAxis("time", "s"), ChartAxis(unit.label, unit.symbol), tuple(marks), name))
+    return Chart(tuple(panels), across=3, cell=(520, 380)) if panels else None
+
+
+def _outputs(rounds: Sequence[RoundFolder]) -> list[str]:
+    names: dict[str, None] = {}
+    for one in rounds:
+        inputs = one.read_protocol().commands
+        own = (*OWN_COLUMNS, *inputs)
+        names |= dict.fromkeys(name for name in read_columns(one.samples) if name not in own)
+    return list(names)
+
+
+def _thin(n: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.intp))

@@ -1,0 +1,253 @@
+"""The closed loop: plan, run, record, diagnose, until the experiment ends.
+
+Every step begins from what is on disk and ends with one file more, so that a program that was killed goes on where it
+was: a run that has a plan and no recording is recorded from its samples, or performed; a recording without a verdict is
+diagnosed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from pliant import api
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.execution.executors import Workers
+from pliant.records.measurement import Measurement
+from pliant.report.diagnosis import diagnosis_json
+from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
+from pliant_bench.config import ExperimentConfig
+from pliant_bench.loop.decision import Ended, budget_spent, not_splittable, verdict_reached
+from pliant_bench.loop.expectation import expect, expect_without_data
+from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
+from pliant_bench.loop.information import obtained_nats
+from pliant_bench.loop.perform import STOP_BUTTON, perform, record_from_samples
+from pliant_bench.loop.person import Person
+from pliant_bench.loop.view import View
+from pliant_bench.plans import history_from_columns
+from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
+
+# Runs that a watchdog may stop one after the other before the experiment ends.
+MOST_STOPPED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A run that was chosen.
+
+    Attributes:
+        protocol: what to do.
+        why: the reason in a sentence.
+        expected_nats: expected fall of the entropy of the explanations' probabilities; None where nothing is known.
+        minutes: on the bench, with setting up.
+    """
+
+    protocol: BenchProtocol
+    why: str
+    expected_nats: float | None
+    minutes: float
+
+
+class Planner(Protocol):
+    """Who chooses the runs."""
+
+    def repeat(self, number: int) -> Choice:
+        """Return a repeat of the first condition; `number` from 1."""
+        ...
+
+    def next(self, data: Measurement, diagnosis: Diagnosis, setting: Mapping[str, float]) -> Choice | None:
+        """Return the run with the most expected information per minute; None if no allowed run decides."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What a loop works with; `inputs` are those of the model, `kinds` the candidates of the diagnoses."""
+
+    opened: api.OpenStudy
+    settings: ExperimentConfig
+    bench: Bench
+    folder: ExperimentFolder
+    inputs: Sequence[str]
+    kinds: Sequence[str]
+    planner: Planner
+    person: Person
+    view: View = field(default_factory=View)
+    workers: Workers = None
+
+    def watches(self, protocol: BenchProtocol, expected: Expectation, is_compared: bool) -> list[Watch]:
+        """Return what looks at every sample of a run; a prediction is judged once the model was compared."""
+        config = WatchdogConfig(
+            self.settings.silence_s,
+            {name: envelope.limits(name) for name, envelope in self.settings.outputs.items()},
+            self.settings.missed_prediction if is_compared else None,
+        )
+        return [self.view.sample, Watchdog(protocol, config, expected)]
+
+
+def run_rounds(experiment: Experiment) -> Ended:
+    """Do rounds until the experiment ends; resumes what is on disk.
+
+    Raises:
+        KeyboardInterrupt: after the bench has vented; what was recorded is on disk.
+        UserError: the bench cannot go on.
+    """
+    recover(experiment.folder)
+    experiment.bench.resume([one.read_recording() for one in experiment.folder.rounds() if one.is_recorded])
+    latest: tuple[int, Diagnosis] | None = None
+    recordings: list[BenchRecording] = []
+    while True:
+        rounds = experiment.folder.rounds()
+        last = rounds[-1] if rounds else None
+        if experiment.folder.stop_file.exists():
+            return Ended("stopped", STOP_BUTTON)
+        if last is not None and not last.is_recorded:
+            recordings.append(_perform(experiment, last, latest[1] if latest else None))
+            if (ended := _stopped(recordings)) is not None:
+                return ended
+            continue
+        repeats = sum(_is_complete_repeat(one) for one in rounds)
+        if repeats < experiment.settings.first_repeats:
+            _plan(experiment, experiment.planner.repeat(repeats + 1), "repeat")
+            continue
+        assert last is not None
+        if last.read("verdict") is None:
+            latest = (last.number, _diagnose(experiment, rounds))
+        verdicts = [one for folder in rounds if (one := folder.read("verdict")) is not None]
+        if (ended := verdict_reached(verdicts, experiment.settings)) is not None:
+            return ended
+        if latest is None or latest[0] != last.number:  # resumed after a verdict
+            latest = (last.number, _diagnose(experiment, rounds))
+        choice = experiment.planner.next(_measurement(experiment), latest[1], setting(rounds))
+        if choice is None:
+            return not_splittable(verdicts[-1])
+        spent = sum(_minutes(one) for one in rounds)
+        if (ended := budget_spent(len(rounds), spent, choice.minutes, experiment.settings)) is not None:
+            return ended
+        _plan(experiment, choice, "chosen")
+
+
+def recover(folder: ExperimentFolder) -> None:
+    """Write the recordings of runs that were cut off, from their samples."""
+    folder.stop_file.unlink(missing_ok=True)
+    for one in folder.rounds():
+        if not one.is_recorded and one.samples.exists():
+            record_from_samples(one)
+
+
+def setting(rounds: Sequence[RoundFolder]) -> dict[str, float]:
+    """Return the conditions that a person set last."""
+    plan = rounds[-1].read("plan") if rounds else None
+    return {} if plan is None else {**plan.get("setting", {}), **plan["conditions"]}
+
+
+def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
+    rounds = experiment.folder.rounds()
+    folder = experiment.folder.next_round()
+    specimen = int((rounds[-1].read("plan") or {}).get("specimen", 1)) if rounds else 1
+    plan = {
+        "kind": kind,
+        "why": choice.why,
+        "expected_nats": choice.expected_nats,
+        "minutes": choice.minutes,
+        "specimen": str(specimen + choice.protocol.new_specimen),
+        "setting": experiment.settings.standing | setting(rounds),
+    }
+    named = BenchProtocol(
+        f"{folder.number:02d} {choice.protocol.name}",
+        choice.protocol.words,
+        choice.protocol.time_s,
+        choice.protocol.commands,
+        choice.protocol.conditions,
+        choice.protocol.new_specimen,
+    )
+    folder.write_plan(named, plan)
+    experiment.view.planned(folder, folder.read("plan") or {})
+
+
+def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis | None) -> BenchRecording:
+    protocol, plan = folder.read_protocol(), folder.read("plan") or {}
+    asked = {**plan["setting"], **plan["conditions"]}
+    before = setting([one for one in experiment.folder.rounds() if one.number < folder.number])
+    stands = experiment.settings.standing | before
+    changes = {name: value for name, value in asked.items() if stands.get(name) != value}
+    if changes or protocol.new_specimen:
+        experiment.person.set_conditions(changes, protocol.new_specimen)
+    expected = _expected(experiment, protocol, asked, diagnosis)
+    folder.write_expected(expected.mean, expected.sd, protocol.time_s)
+    experiment.view.begins(protocol, expected)
+    experiment.folder.write_status(doing="running", run=folder.number, since=time.time())
+    recording = perform(
+        experiment.bench,
+        BenchProtocol(
+            protocol.name, protocol.words, protocol.time_s, protocol.commands, asked, protocol.new_specimen
+        ),
+        experiment.folder,
+        folder,
+        experiment.watches(protocol, expected, diagnosis is not None),
+    )
+    experiment.view.recorded(folder, folder.read("recording") or {})
+    return recording
+
+
+def _expected(
+    experiment: Experiment, protocol: BenchProtocol, asked: Mapping[str, float], diagnosis: Diagnosis | None
+) -> Expectation:
+    names = experiment.inputs
+    history = history_from_columns(protocol.name, protocol.time_s, {**asked, **protocol.commands}, names)
+    if diagnosis is not None:
+        return expect(experiment.opened, _measurement(experiment), diagnosis, history)
+    outputs = tuple(channel.name for channel in experiment.bench.outputs)
+    return expect_without_data(experiment.opened, outputs, history)
+
+
+def _diagnose(experiment: Experiment, rounds: Sequence[RoundFolder]) -> Diagnosis:
+    """Diagnose all recordings, and write the verdict unless it is there."""
+    last = rounds[-1]
+    experiment.folder.write_status(doing="diagnosing", run=last.number, since=time.time())
+    diagnosis = api.diagnose(
+        experiment.opened,
+        _measurement(experiment),
+        kinds=experiment.kinds,
+        tick=experiment.view.diagnosing,
+        workers=experiment.workers,
+    )
+    if last.read("verdict") is None:
+        earlier = next((one for f in reversed(rounds[:-1]) if (one := f.read("verdict")) is not None), None)
+        verdict = diagnosis_json(diagnosis)
+        last.write(
+            "verdict",
+            {
+                **verdict,
+                "sentence": diagnosis.judgement.sentence,
+                "obtained_nats": obtained_nats(earlier, verdict),
+                "wall_s": diagnosis.wall_s,
+            },
+        )
+    experiment.view.diagnosed(last, last.read("verdict") or {})
+    return diagnosis
+
+
+def _measurement(experiment: Experiment) -> Measurement:
+    return api.read_measurement(experiment.opened, experiment.folder.recordings())
+
+
+def _stopped(recordings: Sequence[BenchRecording]) -> Ended | None:
+    """Return the end after the stop button, or after several runs that were stopped one after the other."""
+    if recordings[-1].reason == STOP_BUTTON:
+        return Ended("stopped", STOP_BUTTON)
+    last = recordings[-MOST_STOPPED:]
+    if len(last) == MOST_STOPPED and all(one.ending != "complete" for one in last):
+        return Ended("bench", f"{MOST_STOPPED} runs were stopped one after the other: {last[-1].reason}")
+    return None
+
+
+def _is_complete_repeat(folder: RoundFolder) -> bool:
+    plan, recording = folder.read("plan") or {}, folder.read("recording") or {}
+    return plan.get("kind") == "repeat" and recording.get("ending") == "complete"
+
+
+def _minutes(folder: RoundFolder) -> float:
+    return float((folder.read("plan") or {})["minutes"])

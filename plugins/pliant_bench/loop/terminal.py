@@ -1,0 +1,123 @@
+"""The experiment on the terminal: a line per step, and while a run goes on what is commanded, read and expected."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import typer
+
+from pliant.cli.session import Session
+from pliant.formatting import listed, output_unit, plural, whole_percent
+from pliant_bench.bench import BenchProtocol, BenchSample
+from pliant_bench.loop.folder import RoundFolder
+from pliant_bench.loop.person import Person, words
+from pliant_bench.loop.view import View
+from pliant_bench.watchdog import Expectation
+
+# Seconds between two updates of the line.
+EVERY_S = 0.1
+MOST_SHOWN = 3
+
+
+class TerminalView(View):
+    """Lines of a verb's session; the live line is on standard error, and only on a terminal."""
+
+    def __init__(self, session: Session, n_hypotheses: int) -> None:
+        self._session, self._n = session, n_hypotheses
+        self._live = session.err.is_terminal and not session.quiet
+        self._protocol: BenchProtocol | None = None
+        self._expected: Expectation | None = None
+        self._shown_s, self._fitted = -math.inf, 0
+
+    def planned(self, folder: RoundFolder, plan: Mapping[str, Any]) -> None:
+        """Print the run and why it was chosen."""
+        nats = plan["expected_nats"]
+        gain = "" if nats is None else f"; expected {bits(nats)}"
+        self._session.say(f"run {folder.number}: {plan['words']} ({plan['minutes']:.2g} min{gain})")
+        self._session.say(f"  {plan['why']}")
+
+    def begins(self, protocol: BenchProtocol, expected: Expectation | None) -> None:
+        """Keep what the live line compares with."""
+        self._protocol, self._expected, self._shown_s = protocol, expected, -math.inf
+
+    def sample(self, sample: BenchSample) -> None:
+        """Rewrite the live line, ten times a second at most."""
+        now = time.monotonic()
+        if not self._live or self._protocol is None or now - self._shown_s < EVERY_S:
+            return
+        self._shown_s = now
+        done = self._protocol.time_s[sample.index] / max(self._protocol.duration_s, 1e-9)
+        parts = [f"{whole_percent(float(done))} of {self._protocol.duration_s:.3g} s"]
+        parts += [words(name, value) for name, value in sample.commands.items()]
+        parts += [self._reading(name, value, sample.index) for name, value in sample.readings.items()]
+        self._write("  " + ", ".join(parts[: 1 + 2 * MOST_SHOWN]))
+
+    def recorded(self, folder: RoundFolder, recording: Mapping[str, Any]) -> None:
+        """Print how the run ended."""
+        self._clear()
+        late = f", {plural(len(recording['late']), 'late sample')}" if recording["late"] else ""
+        self._session.say(f"  {plural(recording['samples'], 'sample')} recorded{late}")
+        if recording["reason"]:
+            self._session.say(f"  {recording['ending']}: {recording['reason']}")
+
+    def diagnosing(self, hypothesis: str) -> None:
+        """Rewrite the live line."""
+        self._fitted += 1
+        if self._live:
+            self._write(f"  diagnosing: {hypothesis}, {self._fitted} of about {self._n} fits")
+
+    def diagnosed(self, folder: RoundFolder, verdict: Mapping[str, Any]) -> None:
+        """Print the verdict."""
+        self._clear()
+        self._fitted = 0
+        gained = verdict["obtained_nats"]
+        gain = "" if gained is None else f" (obtained {bits(gained)})"
+        self._session.say(f"  {verdict['sentence']}{gain}")
+
+    def _reading(self, name: str, value: float, index: int) -> str:
+        text = words(name, value)
+        if self._expected is None or name not in self._expected.mean:
+            return text
+        mean, sd = float(self._expected.mean[name][index]), float(self._expected.sd[name][index])
+        if not np.isfinite(mean):
+            return text
+        unit = output_unit(name)
+        return f"{text} (expected {unit.text(mean, 3)} ± {unit.text(sd, 2)})"
+
+    def _write(self, line: str) -> None:
+        width = max(self._session.err.width - 1, 20)
+        self._session.err.file.write("\r" + line[:width].ljust(width))
+        self._session.err.file.flush()
+
+    def _clear(self) -> None:
+        if self._live:
+            self._write("")
+            self._session.err.file.write("\r")
+
+
+class TerminalPerson(Person):
+    """Somebody at the keyboard."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def set_conditions(self, changes: Mapping[str, float], new_specimen: bool) -> None:
+        """Print what to set, and wait for Enter."""
+        todo = [words(name, value) for name, value in changes.items()]
+        todo += ["a new specimen, never loaded before"] if new_specimen else []
+        self._session.err.print(f"Please set: {listed(todo)}.", markup=False)
+        typer.prompt("Press Enter when it is done", default="", show_default=False, err=True)
+
+    def confirm(self, question: str) -> bool:
+        """Ask on standard error; anything but "yes" is no."""
+        answer = typer.prompt(f"{question} Type yes to begin", default="no", err=True)
+        return str(answer).strip().lower() == "yes"
+
+
+def bits(nats: float) -> str:
+    """Return information in bits, as text."""
+    return f"{nats / math.log(2.0):.2f} bit"

@@ -1,0 +1,32 @@
+"""View: what follows an experiment while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pliant_bench.bench import BenchProtocol, BenchSample
+from pliant_bench.loop.folder import RoundFolder
+from pliant_bench.watchdog import Expectation
+
+
+class View:
+    """A follower that shows nothing; subclasses show what they override."""
+
+    def planned(self, folder: RoundFolder, plan: Mapping[str, Any]) -> None:
+        """Show a run that was chosen."""
+
+    def begins(self, protocol: BenchProtocol, expected: Expectation | None) -> None:
+        """Show that a run begins."""
+
+    def sample(self, sample: BenchSample) -> None:
+        """Show a sample while it comes in."""
+
+    def recorded(self, folder: RoundFolder, recording: Mapping[str, Any]) -> None:
+        """Show how a run ended."""
+
+    def diagnosing(self, hypothesis: str) -> None:
+        """Show progress of a diagnosis: a hypothesis was fitted."""
+
+    def diagnosed(self, folder: RoundFolder, verdict: Mapping[str, Any]) -> None:
+        """Show the verdict after a run."""
