@@ -147,11 +147,14 @@ def test_the_valve_is_vented_in_time_when_the_computer_is_killed(emulator_progra
         with Emulator(emulator_program, tmp_path / f"valve_{k}.log") as device:
             child = os.fork()
             if child == 0:
-                run_until_killed(device.port, k)
+                try:
+                    run_until_killed(device.port, k)
+                finally:
+                    os._exit(1)
             time.sleep(rng.uniform(0.3, 2.0))
             os.kill(child, signal.SIGKILL)
             killed_s = time.monotonic()
-            os.waitpid(child, 0)
+            assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
             time.sleep(SILENCE_S + 0.15)
             times, values = device.valve()
             pressures.append(values[np.searchsorted(times, killed_s, side="right") - 1])

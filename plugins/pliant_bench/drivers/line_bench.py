@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import secrets
 import time
 from abc import abstractmethod
@@ -21,7 +22,8 @@ from pliant_bench.drivers.line_protocol import Line, LineClient, LineCounts
 from pliant_bench.sampled import SampledBench
 
 VERSION = "1"
-VENT_ATTEMPTS = 10
+# Venting is asked for this long, and this often, before it counts as failed.
+VENT_S, VENT_ATTEMPTS = 0.5, 5
 # The clock of a microcontroller may be wrong by this share.
 CLOCK_DRIFT = 1e-3
 # A clock that goes back by more than this has restarted.
@@ -41,7 +43,8 @@ class LineBench(SampledBench):
 
     def __init__(self, config: LineBenchConfig) -> None:
         super().__init__(config)
-        self.stall_s = 1.0 + 2 * VENT_ATTEMPTS * config.timeout_s
+        self._vent_attempts = max(VENT_ATTEMPTS, math.ceil(VENT_S / config.timeout_s))
+        self.stall_s = 1.0 + 2 * self._vent_attempts * config.timeout_s
         self._client: LineClient | None = None
         self._inputs: tuple[BenchChannel, ...] = ()
         self._outputs: tuple[BenchChannel, ...] = ()
@@ -111,7 +114,7 @@ class LineBench(SampledBench):
     def vent(self) -> None:
         if self._client is None:
             return
-        if self._client.ask("V", VENT_ATTEMPTS) is None:
+        if self._client.ask("V", self._vent_attempts) is None:
             raise ConnectionLostError("the microcontroller does not answer")
 
     def close(self) -> None:
@@ -132,16 +135,14 @@ class LineBench(SampledBench):
 
     def _hello(self) -> tuple[int, int]:
         """Return the numbers of inputs and outputs of a bench that has started and speaks this version."""
-        client, session = self._connected(), secrets.randbelow(1 << 31)
-        deadline_s = time.monotonic() + self.config.start_s
-        while (answer := client.ask(f"H {session}", 1)) is None:
-            if time.monotonic() > deadline_s:
-                damaged = client.counts.damaged
-                heard = f"sends {damaged} lines that cannot be read" if damaged else "does not answer"
-                raise UserError(
-                    f"The bench at {self.address} {heard}; is the sketch of docs/connect_your_bench.md on the "
-                    "microcontroller, with the same baud rate?"
-                )
+        answer = self._insist(f"H {secrets.randbelow(1 << 31)}")
+        if answer is None:
+            damaged = self.counts.damaged
+            heard = f"sends {damaged} lines that cannot be read" if damaged else "does not answer"
+            raise UserError(
+                f"The bench at {self.address} {heard}; is the sketch of docs/connect_your_bench.md on the "
+                "microcontroller, with the same baud rate?"
+            )
         if answer[:2] != ["H", VERSION] or len(answer) != 6:
             raise UserError(
                 f"The bench at {self.address} speaks another version of the line protocol than {VERSION}; load the "
@@ -150,9 +151,16 @@ class LineBench(SampledBench):
         return int(answer[3]), int(answer[4])
 
     def _describe(self, request: str, words: int) -> list[str]:
-        answer = self._connected().ask(request, VENT_ATTEMPTS)
+        answer = self._insist(request)
         if answer is None or len(answer) != words or answer[0] != request[0]:
             raise UserError(f"The bench at {self.address} does not state its channels ({request}).")
+        return answer
+
+    def _insist(self, request: str) -> list[str] | None:
+        """Return the answer to a request that is repeated for as long as a microcontroller may take to start."""
+        deadline_s = time.monotonic() + self.config.start_s
+        while (answer := self._connected().ask(request, 1)) is None and time.monotonic() < deadline_s:
+            pass
         return answer
 
     def _check_applied(self, numbers: list[float]) -> None:
