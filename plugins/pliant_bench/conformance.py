@@ -15,6 +15,7 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.testing import CheckSkipped, Finding, Subject, agree, require, require_refused
+from pliant.units import si_unit
 from pliant_bench.bench import (
     Bench,
     BenchChannel,
@@ -31,6 +32,8 @@ PERIOD_S, HOLD_S = 0.02, 0.6
 SHARE = 0.1  # of the range of an input
 SILENCE_S = 0.5
 REASON = "The check ends the run here."
+# Changes of an input without a range, which only a simulated bench may have.
+SMALL, SMALL_OTHERWISE = {"Pa": 1e3, "N": 1.0}, 1e-2
 STOP_AT = 10  # the sample at which a run is stopped
 
 
@@ -65,9 +68,11 @@ def small_run(bench: Bench, share: float = SHARE, hold_s: float = HOLD_S) -> Ben
     commands = {}
     for channel in bench.inputs:
         limits = channel.limits
-        ends = (limits.low, limits.high)
-        far = max(ends, key=lambda end: abs(end - channel.rest))
-        level = channel.rest + share * (far - channel.rest)
+        if np.isfinite(limits.low) and np.isfinite(limits.high):
+            far = max((limits.low, limits.high), key=lambda end: abs(end - channel.rest))
+            level = channel.rest + share * (far - channel.rest)
+        else:
+            level = channel.rest + SMALL.get(si_unit(channel.name), SMALL_OTHERWISE)
         commands[channel.name] = np.where(time_s < hold_s, level, channel.rest)
     return shaped(BenchProtocol("small", "a tenth of every range", time_s, commands), bench.inputs)
 
@@ -111,7 +116,7 @@ def require_rest(bench: Bench) -> None:
 
 
 def channels_are_named_and_limited(subject: Subject) -> None:
-    """inputs and outputs have names of their own; each input has a finite range that contains its rest."""
+    """inputs and outputs have names of their own; each input has a range that contains its rest, finite on hardware."""
 
     def act(bench: Bench) -> None:
         names = [channel.name for channel in (*bench.inputs, *bench.outputs)]
@@ -120,7 +125,10 @@ def channels_are_named_and_limited(subject: Subject) -> None:
         for channel in bench.inputs:
             limits = channel.limits
             finite = np.isfinite(limits.low) and np.isfinite(limits.high)
-            require(finite, f"{channel.name} has no finite range: [{limits.low:g}, {limits.high:g}]")
+            require(
+                finite or not bench.is_hardware,
+                f"{channel.name} has no finite range: [{limits.low:g}, {limits.high:g}]",
+            )
             require(
                 limits.low <= channel.rest <= limits.high and limits.low < limits.high,
                 f"the range [{limits.low:g}, {limits.high:g}] of {channel.name} lacks its rest {channel.rest:g}",
@@ -259,6 +267,8 @@ def refuses_a_run_beyond_its_limits(subject: Subject) -> None:
         for channel in bench.inputs:
             name, limits = channel.name, channel.limits
             span = limits.high - limits.low
+            if not np.isfinite(span):
+                continue
             beyond = {"above its highest value": np.full(len(small), limits.high + SHARE * span)}
             if np.isfinite(limits.rate):
                 jump = np.full(len(small), channel.rest)
@@ -346,4 +356,6 @@ def _never(sample: BenchSample) -> None:
 
 
 def _slack(channel: BenchChannel) -> float:
-    return 1e-3 * (channel.limits.high - channel.limits.low)
+    """Return the error of a value that is no error of the driver."""
+    span = channel.limits.high - channel.limits.low
+    return 1e-3 * (span if np.isfinite(span) else SMALL.get(si_unit(channel.name), SMALL_OTHERWISE))

@@ -82,9 +82,20 @@ class Emulator:
 
     def valve(self) -> tuple[Array, Array]:
         """Return the times in seconds, of CLOCK_MONOTONIC in real time, and pressures of all changes of the valve."""
-        complete, _, _ = self.log.read_text().rpartition("\n")
-        table: Array = np.array(complete.split(), float).reshape(-1, 2)
+        rows = [row.split() for row in self._rows() if not row.startswith("#")]
+        table: Array = np.array(rows, float).reshape(-1, 2)
         return table[:, 0] / 1000, table[:, 1]
+
+    def pauses(self) -> tuple[Array, Array]:
+        """Return the ends and durations, in seconds, of the times in which this computer did not run the program."""
+        rows = [row.split()[2:] for row in self._rows() if row.startswith("# late")]
+        table: Array = np.array(rows, float).reshape(-1, 2)
+        return table[:, 0] / 1000, table[:, 1] / 1000
+
+    def _rows(self) -> list[str]:
+        """Return the lines of the log that are complete."""
+        complete, _, _ = self.log.read_text().rpartition("\n")
+        return complete.splitlines()
 
     def close(self) -> None:
         """End the program."""

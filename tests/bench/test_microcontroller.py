@@ -140,6 +140,18 @@ def run_until_killed(port, seed):
         bench.run(shaped(pressure(raw), bench.inputs), lambda sample: None)
 
 
+def venting_delay(device, killed_s):
+    """Return how long after the kill the valve was vented, without the time in which the emulator was not run."""
+    deadline_s = time.monotonic() + 20
+    while device.valve()[1][-1] != 0.0 or time.monotonic() < killed_s + SILENCE_S:
+        assert time.monotonic() < deadline_s, "the valve was not vented"
+        time.sleep(0.02)
+    vented_s = device.valve()[0][-1]
+    ends, gaps = device.pauses()
+    paused_s = np.minimum(gaps, np.maximum(ends - killed_s, 0.0))[ends <= vented_s + 1e-3].sum()
+    return vented_s - killed_s - paused_s
+
+
 @pytest.mark.parametrize("count", [3, pytest.param(100, marks=SLOW)])
 def test_the_valve_is_vented_in_time_when_the_computer_is_killed(emulator_program, tmp_path, count):
     rng, pressures, delays = np.random.default_rng(count), [], []
@@ -155,10 +167,9 @@ def test_the_valve_is_vented_in_time_when_the_computer_is_killed(emulator_progra
             os.kill(child, signal.SIGKILL)
             killed_s = time.monotonic()
             assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
-            time.sleep(SILENCE_S + 0.15)
+            delays.append(venting_delay(device, killed_s))
             times, values = device.valve()
             pressures.append(values[np.searchsorted(times, killed_s, side="right") - 1])
-            assert values[-1] == 0.0
-            delays.append(times[-1] - killed_s)
     assert max(pressures) > 0.5 * HIGH
     assert max(delays) <= SILENCE_S + 0.05, f"vented {max(delays):.3f} s after the kill"
+    print(f"{count} kills: vented {np.median(delays):.3f} s after, at most {max(delays):.3f} s")

@@ -2,7 +2,8 @@
  *
  *   emulator LOG [STEP_MS] [IDLE_S]
  *
- * LOG gets a line for every change of the valve: milliseconds of CLOCK_MONOTONIC, and the pressure. With STEP_MS above 0
+ * LOG gets a line for every change of the valve: milliseconds of CLOCK_MONOTONIC, and the pressure; and a line "# late MS
+ * GAP" where this program itself was not run for GAP milliseconds, as on a busy computer. With STEP_MS above 0
  * time does not pass by itself, but by STEP_MS after each line that comes, so that runs need no waiting. The program ends
  * when no byte has come for IDLE_S (60). The finger bends by 40 µrad/Pa with a lag of 0.1 s; its sensor has noise. */
 
@@ -100,6 +101,7 @@ int main(int argc, char **argv) {
     if (!step_ms) { /* under the pressure until now, before it changes */
       uint64_t now = clock_ms();
       pass((double)(now - passed_ms) * 1e-3);
+      if (now - passed_ms > 10) fprintf(log_file, "# late %llu %u\n", (unsigned long long)now, (unsigned)(now - passed_ms));
       passed_ms = now;
     }
     line_ended = 0;

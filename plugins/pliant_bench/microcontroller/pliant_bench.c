@@ -8,6 +8,7 @@
 
 #define LINE_SIZE 112
 #define ANSWER_SIZE 176
+#define LONGEST_STEP_S 0.05f /* after a longer pause of the loop the valve still moves as far as in this time */
 
 /* NEW: no hello yet since the start. READY: vented. ACTIVE: valves follow lines. SILENT: vented because no line came. */
 enum { NEW, READY, ACTIVE, SILENT };
@@ -112,6 +113,7 @@ static void move_valves(void) {
   uint32_t now = pliant_millis();
   float passed_s = (float)(now - moved_ms) * 1e-3f;
   moved_ms = now;
+  if (passed_s > LONGEST_STEP_S) passed_s = LONGEST_STEP_S;
   for (uint8_t k = 0; k < bench->input_count; k++) {
     float change = target[k] - valve[k];
     float most = bench->inputs[k].rate > 0 ? bench->inputs[k].rate * passed_s : fabsf(change);
