@@ -82,8 +82,8 @@ class Emulator:
 
     def valve(self) -> tuple[Array, Array]:
         """Return the times in seconds, of CLOCK_MONOTONIC in real time, and pressures of all changes of the valve."""
-        rows = [row.split() for row in self._rows() if not row.startswith("#")]
-        table: Array = np.array(rows, float).reshape(-1, 2)
+        values = " ".join(row for row in self._rows() if not row.startswith("#")).split()
+        table: Array = np.array(values, float).reshape(-1, 2)
         return table[:, 0] / 1000, table[:, 1]
 
     def pauses(self) -> tuple[Array, Array]:
