@@ -5,7 +5,7 @@
 
 An hour in a clock that skips the waits but counts the work, with a bench in memory and with the emulated
 microcontroller behind a pseudo-terminal; then a minute in real time of both. A sample is late when a command or reading
-comes more than one period after it was due. Times are those of a busy machine where it is one: see `load` in the result.
+comes more than one period after it was due. On a busy machine samples are later: see `load` in the result.
 """
 
 from __future__ import annotations

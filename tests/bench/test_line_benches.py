@@ -151,6 +151,12 @@ def test_a_bench_that_vented_by_itself_is_not_filled_again(serial_bench, hill):
     assert bench.run(hill(1e3, 1.0), lambda sample: None).ending == "complete"
 
 
+def test_a_run_with_longer_intervals_than_the_silence_is_refused(serial_bench, unwatched):
+    bench = serial_bench()
+    with pytest.raises(UserError, match=r"leaves 0.3 s between two samples, .* vents after 0.5 s without a line"):
+        bench.run(pressure([0, 0, 0], period_s=0.3), unwatched)
+
+
 def test_commands_outside_the_range_of_the_microcontroller_are_refused_by_it(serial_bench):
     bench = serial_bench()
     with pytest.raises(RunStoppedError, match="outside its range"):

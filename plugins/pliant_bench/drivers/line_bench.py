@@ -13,9 +13,12 @@ import numpy as np
 from pliant.errors import UserError
 from pliant_bench.bench import (
     BenchChannel,
+    BenchProtocol,
+    BenchRecording,
     ChannelLimits,
     ConnectionLostError,
     RunStoppedError,
+    Watch,
 )
 from pliant_bench.drivers.line_config import LineBenchConfig
 from pliant_bench.drivers.line_protocol import Line, LineClient, LineCounts
@@ -48,6 +51,7 @@ class LineBench(SampledBench):
         self._client: LineClient | None = None
         self._inputs: tuple[BenchChannel, ...] = ()
         self._outputs: tuple[BenchChannel, ...] = ()
+        self._silence_s = np.inf
         self._device_s = -np.inf
         self._offset_s = np.inf
 
@@ -90,6 +94,15 @@ class LineBench(SampledBench):
         except (UserError, KeyboardInterrupt):
             self.close()
             raise
+
+    def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
+        longest_s = float(np.diff(protocol.time_s).max(initial=0.0))
+        if longest_s > 0.5 * self._silence_s:
+            raise UserError(
+                f"Run '{protocol.name}' leaves {longest_s:g} s between two samples, and the microcontroller vents after "
+                f"{self._silence_s:g} s without a line; sample every {0.5 * self._silence_s:g} s at least."
+            )
+        return super().run(protocol, watch)
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, float]:
         client = self._connected()
@@ -148,6 +161,7 @@ class LineBench(SampledBench):
                 f"The bench at {self.address} speaks another version of the line protocol than {VERSION}; load the "
                 "sketch of this version of Pliant."
             )
+        self._silence_s = float(answer[5]) / 1000
         return int(answer[3]), int(answer[4])
 
     def _describe(self, request: str, words: int) -> list[str]:

@@ -3,7 +3,7 @@
 
 #include "pliant_bench.h"
 
-const int VALVE_PIN = 9;                  // PWM → 10 kΩ, 10 µF → amplifier 5 V → 10 V → input of the regulator
+const int VALVE_PIN = 9;                  // PWM → 10 kΩ, 1 µF → amplifier 5 V → 10 V → input of the regulator
 const float PA_AT_FULL_SCALE = 100000.0;  // pressure of the regulator at the full command
 const int ANGLE_PIN = A0;
 const float RAD_PER_VOLT = 1.0472, VOLT_AT_ZERO = 2.5;  // of the angle sensor: measure both
@@ -27,6 +27,9 @@ void pliant_serial_write(uint8_t byte) { Serial.write(byte); }
 void setup() {
   Serial.begin(115200);
   pinMode(VALVE_PIN, OUTPUT);
+#if defined(__AVR_ATmega328P__)
+  TCCR1B = (TCCR1B & 0xF8) | 1;  // PWM of 31 kHz on pins 9 and 10: a ripple of 4 mV behind the filter
+#endif
   pliant_setup(&BENCH);
 }
 
