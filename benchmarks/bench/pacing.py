@@ -27,6 +27,7 @@ from pliant_bench.sampled import SampledBench
 
 PERIOD_S = 0.01
 LATE_SHARE = 1e-3
+ATTEMPTS = 4  # a computer that does not run this program for half a second makes the microcontroller vent
 
 
 class MemoryBench(SampledBench):
@@ -68,13 +69,19 @@ def measured(bench: SampledBench, duration_s: float, clock: Clock) -> dict[str, 
     """Return the figures of a run."""
     bench.clock = clock
     asked = protocol(duration_s)
-    wall_s, cpu_s = time.monotonic(), time.process_time()
-    done: BenchRecording = bench.run(asked, lambda sample: None)
-    assert done.ending == "complete", done.reason
+    for attempt in range(ATTEMPTS):
+        wall_s, cpu_s = time.monotonic(), time.process_time()
+        done: BenchRecording = bench.run(asked, lambda sample: None)
+        if done.ending == "complete":
+            break
+        print(f"attempt {attempt + 1} ended as {done.ending} after {len(done)} samples: {done.reason}")
+    else:
+        raise SystemExit("no run was complete; is the computer too busy?")
     lateness_s = np.maximum(done.commanded_s, done.read_s) - asked.time_s
     is_late = lateness_s > PERIOD_S
     return {
         "samples": len(done),
+        "stopped_before": attempt,
         "late_share": float(is_late.mean()),
         "late_unmarked": int((is_late & ~done.late).sum()),
         "lost_share": float(np.isnan(done.readings["angle_rad"]).mean()),
