@@ -62,7 +62,9 @@ def exposing(diagnosis: Diagnosis, registry: Registry) -> Question:
     others = max(len(fits) - 1, 1)
     share = {kinds: SETTLED if kinds == base else max((1.0 - SETTLED) / others, SMALL) for kinds in fits}
     plain = {NOTHING: diagnosis.fits[NOTHING]}
-    return Question("expose", Belief(plain | fits, share, belief.n_effective, belief.square, belief.thresholds))
+    return Question(
+        "expose", Belief(plain | fits, share, belief.n_effective, belief.square, belief.thresholds)
+    )
 
 
 def _least_determined(diagnosis: Diagnosis, belief: Belief) -> list[Kinds]:
@@ -107,4 +109,3 @@ def entropy_nats(probability: Mapping[Kinds, float]) -> float:
 def obtained_nats(before: Diagnosis, after: Diagnosis) -> float:
     """Return the information of the runs between two diagnoses: the fall of the entropy; negative where it rose."""
     return entropy_nats(before.judgement.probability) - entropy_nats(after.judgement.probability)
-

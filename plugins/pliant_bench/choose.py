@@ -82,7 +82,9 @@ class Choice:
     then: tuple[BenchProtocol, ...] = ()
 
 
-def first_runs(settings: ExperimentConfig, channels: Sequence[BenchChannel] = ()) -> tuple[BenchProtocol, ...]:
+def first_runs(
+    settings: ExperimentConfig, channels: Sequence[BenchChannel] = ()
+) -> tuple[BenchProtocol, ...]:
     """Return repeats of a first condition in the middle of the range, to learn the noise; loads stay at rest.
 
     Args:

@@ -28,9 +28,10 @@ from pliant.report.improvement import origin, stands_for
 from pliant_bench.bench import Bench, ChannelCheck
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.loop.decision import Ended
+from pliant_bench.loop.dry_run import dry_run_document
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody, Person, words
-from pliant_bench.loop.planner import ProtocolPlanner
+from pliant_bench.loop.planner import TellingPlanner, model_inputs
 from pliant_bench.loop.report import experiment_document
 from pliant_bench.loop.rounds import Experiment, run_rounds
 from pliant_bench.loop.terminal import TerminalPerson, TerminalView
@@ -78,9 +79,12 @@ def experiment(
     session.result |= {"study": loaded.name, "out": str(folder.path)}
     try:
         bench.connect()
-        planner = ProtocolPlanner(opened, settings, bench, kinds, manual=person is not None)
+        planner = TellingPlanner(opened, _asked(settings, bench, person), bench)
+        inputs = model_inputs(opened)
         if dry_run:
-            session.show(planner.dry_run(folder), folder.path)
+            dry = folder.path / "dry-run"
+            check_writable(dry)
+            session.show(dry_run_document(opened, folder, planner, inputs, kinds, who), dry)
             return
         resumed = folder.begin(
             {"study": loaded.name, "study_sha256": _digest(study), "bench": bench.config.kind}
@@ -91,9 +95,7 @@ def experiment(
         _confirm(person, bench, settings, bool(folder.recordings()))
         view = TerminalView(session, len(kinds))
         ended = run_rounds(
-            Experiment(
-                opened, settings, bench, folder, planner.inputs, kinds, planner, person or Nobody(), view, who
-            )
+            Experiment(opened, settings, bench, folder, inputs, kinds, planner, person or Nobody(), view, who)
         )
     except KeyboardInterrupt:
         session.say("The bench was vented. The same command goes on after the last recording.")
@@ -112,6 +114,14 @@ def _person(session: Session, bench: Bench, settings: ExperimentConfig, yes: boo
             "--yes is for benches without a person: the study's block 'experiment' needs 'unattended: true' for it."
         )
     return None if yes else TerminalPerson(session)
+
+
+def _asked(settings: ExperimentConfig, bench: Bench, person: Person | None) -> ExperimentConfig:
+    """Return the settings without what only a person can set, where hardware has nobody beside it."""
+    if person is not None or not bench.is_hardware:
+        return settings
+    standing = {name: levels[:1] for name, levels in settings.manual.items()}
+    return settings.model_copy(update={"manual": standing})
 
 
 def _check_channels(session: Session, checks: tuple[ChannelCheck, ...]) -> None:

@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from pliant.registry.block import Block
+from pliant.registry.command import Command
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 from pliant.registry.interface import Interface
 
 CONTRACT = 3
 HERE = "pliant_bench"
+
+
+@hookimpl
+def pliant_commands() -> Iterable[Command]:
+    """Return the verb of the closed loop."""
+    return [Command("experiment", f"{HERE}.command:experiment")]
 
 
 @hookimpl

@@ -51,19 +51,20 @@ def verdict_reached(verdicts: Sequence[Mapping[str, Any]], settings: ExperimentC
     return Ended("verdict", f"The verdict has held for {plural(held, 'round')}.")
 
 
-def budget_spent(runs: int, minutes: float, next_minutes: float, settings: ExperimentConfig) -> Ended | None:
-    """Return the end if another run of this duration exceeds the budget."""
+def budget_spent(runs: int, minutes: float, settings: ExperimentConfig) -> Ended | None:
+    """Return the end if no further run is in the budget."""
     if runs >= settings.runs:
         return Ended("budget", f"The budget of {plural(settings.runs, 'run')} is spent.")
-    if minutes + next_minutes > settings.minutes:
-        spent = f"{minutes:.3g} of {settings.minutes:g} min are spent"
-        return Ended("budget", f"{spent}, and the next run takes {next_minutes:.2g} min.")
+    if minutes + settings.set_up_minutes >= settings.minutes:
+        return Ended("budget", f"{minutes:.3g} of {settings.minutes:g} min are spent.")
     return None
 
 
-def not_splittable(verdict: Mapping[str, Any]) -> Ended:
-    """Return the end at a class that no allowed run splits."""
+def nothing_to_tell(undecided: bool, verdict: Mapping[str, Any]) -> Ended:
+    """Return the end where no allowed run tells more, while several explanations are left or not."""
+    if not undecided:
+        return Ended("verdict", "No run within the limits and the budget would show anything further.")
     left = verdict.get("selected_class") or [
         " + ".join(kinds) or "nothing missing" for kinds in verdict.get("credible_set", [])
     ]
-    return Ended("class", f"No run within the limits decides between {listed(list(left))}.")
+    return Ended("class", f"No run within the limits and the budget decides between {listed(list(left))}.")

@@ -7,7 +7,7 @@
     run_01/protocol.csv       the commands, one row per instant
     run_01/expected.csv       mean and standard deviation of the expected readings
     run_01/samples.csv        what the bench did and read, one row per sample, written as it comes in
-    run_01/recording.csv      the samples as a measurement file
+    run_01/recording_01.csv   the samples as a measurement file
     run_01/recording.json     how the run ended; present once the recording is complete
     run_01/verdict.json       the diagnosis after this run
     status.json               what is being done now, for a live view
@@ -61,7 +61,7 @@ class RoundFolder:
     @property
     def recording(self) -> Path:
         """Return the measurement file."""
-        return self.path / "recording.csv"
+        return self.path / f"recording_{self.number:02d}.csv"
 
     @property
     def is_recorded(self) -> bool:

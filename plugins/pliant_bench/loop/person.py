@@ -34,4 +34,4 @@ class Nobody(Person):
 def words(name: str, value: float) -> str:
     """Return a condition in words, in its display unit."""
     unit = output_unit(name)
-    return f"{name} = {unit.text(value)}"
+    return f"{unit.label} = {unit.text(value)}"

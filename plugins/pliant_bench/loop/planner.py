@@ -1,8 +1,9 @@
-"""The planner of an experiment: repeats of a first condition, then the run with the most information per minute."""
+"""Planners of an experiment: the run with the most information per minute, and random runs for a comparison."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.pipeline.study import build_study_chain
 from pliant.records.measurement import Measurement
-from pliant_bench.bench import Bench
+from pliant_bench.bench import Bench, BenchChannel, BenchProtocol
+from pliant_bench.choose import Choice, SearchEffort, choose_next, first_runs
 from pliant_bench.config import ExperimentConfig
-from pliant_bench.loop.rounds import Choice
 from pliant_bench.protocol_space import ProtocolSpace
 
 
@@ -24,22 +25,75 @@ def model_inputs(opened: api.OpenStudy) -> tuple[str, ...]:
     return tuple(dict.fromkeys(actuator.input for actuator in chain.actuators))
 
 
-class RandomPlanner:
-    """Random runs of the space, for a comparison."""
+@dataclass(frozen=True)
+class TellingPlanner:
+    """Runs with the most expected information per minute; `settings` limits what a person is asked for."""
 
-    def __init__(self, opened: api.OpenStudy, settings: ExperimentConfig, bench: Bench, seed: int) -> None:
-        self.inputs = model_inputs(opened)
-        self._space = ProtocolSpace.from_settings(settings, bench.inputs)
-        self._settings, self._rng, self._seed = settings, np.random.default_rng(seed), seed
+    opened: api.OpenStudy
+    settings: ExperimentConfig
+    bench: Bench
+    effort: SearchEffort | None = None
+
+    @property
+    def channels(self) -> tuple[BenchChannel, ...]:
+        """Return the inputs of the bench, with the limits of the study and of the driver."""
+        return limited_inputs(self.settings, self.bench)
 
     def repeat(self, number: int) -> Choice:
-        return self._choice(np.random.default_rng(self._seed), f"repeat_{number}")
+        """Return a repeat of the first condition."""
+        return first_repeat(self.settings, self.bench)
 
-    def next(self, data: Measurement, diagnosis: Diagnosis, setting: Mapping[str, float]) -> Choice | None:
-        return self._choice(self._rng, "random")
-
-    def _choice(self, rng: np.random.Generator, name: str) -> Choice:
-        protocol = self._space.protocol(self._space.random(rng, self._settings.standing), name)
-        return Choice(
-            protocol, "a random run", None, protocol.duration_s / 60.0 + self._settings.set_up_minutes
+    def next(
+        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+    ) -> Choice:
+        """Return the most telling run."""
+        return choose_next(
+            self.opened,
+            data,
+            diagnosis,
+            self.settings,
+            done,
+            channels=self.bench.inputs,
+            minutes_left=minutes_left,
+            effort=self.effort,
         )
+
+
+@dataclass(frozen=True)
+class RandomPlanner:
+    """Random runs of the same space."""
+
+    settings: ExperimentConfig
+    bench: Bench
+    seed: int = 0
+
+    @property
+    def channels(self) -> tuple[BenchChannel, ...]:
+        """Return the inputs of the bench, with the limits of the study and of the driver."""
+        return limited_inputs(self.settings, self.bench)
+
+    def repeat(self, number: int) -> Choice:
+        """Return a repeat of the first condition."""
+        return first_repeat(self.settings, self.bench)
+
+    def next(
+        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+    ) -> Choice:
+        """Return a random run."""
+        rng = np.random.default_rng([self.seed, len(done)])
+        space = ProtocolSpace.from_settings(self.settings, self.bench.inputs)
+        protocol = space.protocol(space.random(rng, self.settings.standing), "random")
+        minutes = protocol.duration_s / 60.0 + self.settings.set_up_minutes
+        return Choice(protocol, "decide", "A random run.", 0.0, minutes)
+
+
+def first_repeat(settings: ExperimentConfig, bench: Bench) -> Choice:
+    """Return a repeat of the first condition, from which the noise is learned."""
+    protocol = first_runs(settings, bench.inputs)[0]
+    minutes = protocol.duration_s / 60.0 + settings.set_up_minutes
+    return Choice(protocol, "repeat", "Repeats of one condition show the noise of the bench.", 0.0, minutes)
+
+
+def limited_inputs(settings: ExperimentConfig, bench: Bench) -> tuple[BenchChannel, ...]:
+    """Return the inputs of a bench, with the limits of the study and of the driver."""
+    return tuple(axis.channel for axis in ProtocolSpace.from_settings(settings, bench.inputs).axes)

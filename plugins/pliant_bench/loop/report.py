@@ -65,7 +65,7 @@ class RunStory:
 COLUMNS: tuple[Column[RunStory], ...] = (
     Column("number", head="run", brief="run"),
     Column("plan.name", head="name"),
-    Column("plan.words", "run", head="what was done", brief="what was done"),
+    Column("plan.words", "run", head="what was done"),
     Column("plan.why", head="why"),
     Column("plan.minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
     Column("plan.expected_nats", head="expected", brief="expected", show=bits),
@@ -97,10 +97,11 @@ def experiment_document(
     last = next((s.verdict for s in reversed(stories) if s.verdict is not None), None)
     verdict = "No verdict was reached." if last is None else last["sentence"]
     stopped = [s for s in stories if s.recording["ending"] != "complete"]
+    end = f"{ended.sentence} {plural(len(stories), 'run')}, {minutes:.3g} min of bench time."
     return Document(
         kind=f"Pliant: an experiment · {title}",
         title=verdict,
-        sentence=f"{ended.sentence} {plural(len(stories), 'run')}, {minutes:.3g} min of bench time.",
+        sentence=end,
         data={
             "ended": ended.why,
             "reason": ended.sentence,
@@ -121,8 +122,10 @@ def experiment_document(
             for s in stopped
         ),
         closing=(
+            verdict,
+            end,
             *([f"improved study {improved}"] if improved else []),
-            f"recordings {folder.path}/run_*/recording.csv",
+            f"recordings {folder.path}/run_*/recording_*.csv",
         ),
         draw=partial(_drawn, stories, folder),
         footer=f"Recordings: {listed([p.parent.name for p in folder.recordings()])} in {folder.path}",

@@ -17,9 +17,11 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.execution.executors import Workers
 from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_json
-from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
+from pliant_bench.bench import Bench, BenchChannel, BenchProtocol, BenchRecording, Watch
+from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
-from pliant_bench.loop.decision import Ended, budget_spent, not_splittable, verdict_reached
+from pliant_bench.limits import check_protocol
+from pliant_bench.loop.decision import Ended, budget_spent, nothing_to_tell, verdict_reached
 from pliant_bench.loop.expectation import expect, expect_without_data
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.information import obtained_nats
@@ -33,32 +35,22 @@ from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
 MOST_STOPPED = 3
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """A run that was chosen.
-
-    Attributes:
-        protocol: what to do.
-        why: the reason in a sentence.
-        expected_nats: expected fall of the entropy of the explanations' probabilities; None where nothing is known.
-        minutes: on the bench, with setting up.
-    """
-
-    protocol: BenchProtocol
-    why: str
-    expected_nats: float | None
-    minutes: float
-
-
 class Planner(Protocol):
     """Who chooses the runs."""
+
+    @property
+    def channels(self) -> Sequence[BenchChannel]:
+        """Return the inputs of the bench, with the limits of the study and of the driver."""
+        ...
 
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition; `number` from 1."""
         ...
 
-    def next(self, data: Measurement, diagnosis: Diagnosis, setting: Mapping[str, float]) -> Choice | None:
-        """Return the run with the most expected information per minute; None if no allowed run decides."""
+    def next(
+        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+    ) -> Choice:
+        """Return the run with the most expected information per minute; without a protocol where none helps."""
         ...
 
 
@@ -120,12 +112,14 @@ def run_rounds(experiment: Experiment) -> Ended:
             return ended
         if latest is None or latest[0] != last.number:  # resumed after a verdict
             latest = (last.number, _diagnose(experiment, rounds))
-        choice = experiment.planner.next(_measurement(experiment), latest[1], setting(rounds))
-        if choice is None:
-            return not_splittable(verdicts[-1])
         spent = sum(_minutes(one) for one in rounds)
-        if (ended := budget_spent(len(rounds), spent, choice.minutes, experiment.settings)) is not None:
+        if (ended := budget_spent(len(rounds), spent, experiment.settings)) is not None:
             return ended
+        done = [one.read_recording().protocol for one in rounds]
+        left = experiment.settings.minutes - spent
+        choice = experiment.planner.next(_measurement(experiment), latest[1], done, left)
+        if choice.protocol is None or not choice.splits:
+            return nothing_to_tell(choice.purpose == "decide", verdicts[-1])
         _plan(experiment, choice, "chosen")
 
 
@@ -144,19 +138,21 @@ def setting(rounds: Sequence[RoundFolder]) -> dict[str, float]:
 
 
 def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
+    assert choice.protocol is not None
     rounds = experiment.folder.rounds()
     folder = experiment.folder.next_round()
     specimen = int((rounds[-1].read("plan") or {}).get("specimen", 1)) if rounds else 1
     plan = {
         "kind": kind,
         "why": choice.why,
-        "expected_nats": choice.expected_nats,
+        "expected_nats": choice.expected_nats if kind == "chosen" else None,
+        "purpose": choice.purpose,
         "minutes": choice.minutes,
         "specimen": str(specimen + choice.protocol.new_specimen),
         "setting": experiment.settings.standing | setting(rounds),
     }
     named = BenchProtocol(
-        f"{folder.number:02d} {choice.protocol.name}",
+        f"run {folder.number:02d}",
         choice.protocol.words,
         choice.protocol.time_s,
         choice.protocol.commands,
@@ -170,6 +166,7 @@ def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
 def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis | None) -> BenchRecording:
     protocol, plan = folder.read_protocol(), folder.read("plan") or {}
     asked = {**plan["setting"], **plan["conditions"]}
+    check_protocol(protocol, experiment.planner.channels)
     before = setting([one for one in experiment.folder.rounds() if one.number < folder.number])
     stands = experiment.settings.standing | before
     changes = {name: value for name, value in asked.items() if stands.get(name) != value}
