@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant_bench.bench import (
     Bench,
     BenchChannel,
@@ -72,16 +73,29 @@ class SampledBench(Bench):
         """Set the inputs to rest at once; called before and after each run, maybe while `exchange` hangs."""
 
     def check(self) -> tuple[ChannelCheck, ...]:
-        """Return the medians of a few slow readings at rest."""
-        self.vent()
+        """Return the medians of a few slow readings at rest.
+
+        Raises:
+            UserError: the bench does not answer.
+        """
+        try:
+            readings = self._readings_at_rest()
+        except (OSError, RunStoppedError) as error:
+            raise UserError(
+                f"The handshake with the bench failed: {_cause(error)}. Switch it on and connect it."
+            ) from None
+        inputs = [ChannelCheck(channel.name, channel.rest) for channel in self.inputs]
+        return (*inputs, *(_checked(channel, readings) for channel in self.outputs))
+
+    def _readings_at_rest(self) -> list[Mapping[str, float]]:
+        _within(self.stall_s, self.vent)
         rest = {channel.name: channel.rest for channel in self.inputs}
         readings: list[Mapping[str, float]] = []
         for _ in range(CHECK_SAMPLES):
             self.clock.sleep_until(self.clock.now() + CHECK_PERIOD_S)
             readings.append(_within(self.stall_s, partial(self.exchange, rest)))
-        self.vent()
-        inputs = [ChannelCheck(channel.name, channel.rest) for channel in self.inputs]
-        return (*inputs, *(_checked(channel, readings) for channel in self.outputs))
+        _within(self.stall_s, self.vent)
+        return readings
 
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
         """Perform the run and return its recording; Ctrl-C and errors of `watch` are raised again after venting."""
@@ -211,7 +225,8 @@ class _Worker:
 def _cause(error: Exception) -> str:
     """Return the text of an error inside brackets."""
     text = (error.strerror or "") if isinstance(error, OSError) else ""
-    return (text or str(error) or type(error).__name__).rstrip(".")
+    text = (text or str(error) or type(error).__name__).rstrip(".")
+    return text[:1].lower() + text[1:] if isinstance(error, RunStoppedError) else text
 
 
 def _within(stall_s: float | None, function: Callable[[], Any]) -> Any:

@@ -128,7 +128,7 @@ class LineBench(SampledBench):
         if self._client is None:
             return
         if self._client.ask("V", self._vent_attempts) is None:
-            raise ConnectionLostError("the microcontroller does not answer")
+            raise ConnectionLostError("The microcontroller does not answer.")
 
     def close(self) -> None:
         if self._client is None:

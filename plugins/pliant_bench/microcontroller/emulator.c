@@ -25,8 +25,8 @@ static FILE *log_file;
 static uint32_t step_ms, virtual_ms;
 static double pressure_pa, angle_rad;
 static unsigned char bytes[256];
-static int byte_count, byte_next, line_ended;
-static uint64_t start_ms;
+static int byte_count, byte_next, line_ended, is_hung_up;
+static uint64_t start_ms, heard_ms;
 static volatile sig_atomic_t ended;
 
 static uint64_t clock_ms(void) {
@@ -51,7 +51,17 @@ void pliant_write_valve(uint8_t input, float value) {
 }
 
 int pliant_serial_read(void) {
-  if (line_ended || byte_next >= byte_count) return -1; /* one line at a time */
+  if (step_ms && line_ended) return -1; /* one line, then time passes */
+  if (byte_next >= byte_count) {
+    struct pollfd input = {STDIN_FILENO, POLLIN, 0};
+    int is_waiting = poll(&input, 1, 0) > 0;
+    ssize_t n = is_waiting ? read(STDIN_FILENO, bytes, sizeof bytes) : 0;
+    is_hung_up = is_waiting && n <= 0;
+    if (n <= 0) return -1;
+    byte_next = 0;
+    byte_count = (int)n;
+    heard_ms = clock_ms();
+  }
   line_ended = bytes[byte_next] == '\n';
   return bytes[byte_next++];
 }
@@ -87,17 +97,13 @@ int main(int argc, char **argv) {
   signal(SIGPIPE, SIG_IGN);
   signal(SIGHUP, SIG_IGN);
   start_ms = clock_ms();
-  uint64_t heard_ms = start_ms, passed_ms = start_ms;
+  heard_ms = start_ms;
+  uint64_t passed_ms = start_ms;
   pliant_setup(&BENCH);
   while (!ended && clock_ms() - heard_ms < idle_ms) {
     struct pollfd input = {STDIN_FILENO, POLLIN, 0};
-    if (byte_next >= byte_count && poll(&input, 1, 1) > 0) {
-      ssize_t n = read(STDIN_FILENO, bytes, sizeof bytes);
-      byte_next = 0;
-      byte_count = n > 0 ? (int)n : 0;
-      if (n > 0) heard_ms = clock_ms();
-      else usleep(1000); /* hung up: no bytes come, time goes on */
-    }
+    if (is_hung_up) usleep(1000); /* no bytes come, time goes on */
+    else if (byte_next >= byte_count) poll(&input, 1, 1);
     if (!step_ms) { /* under the pressure until now, before it changes */
       uint64_t now = clock_ms();
       pass((double)(now - passed_ms) * 1e-3);

@@ -234,6 +234,7 @@ void pliant_setup(const pliant_bench *given) {
 }
 
 void pliant_loop(void) {
+  uint32_t now = pliant_millis(); /* every line that came before this time is read below, however long that takes */
   int byte;
   while ((byte = pliant_serial_read()) >= 0) {
     if (byte == '\n') {
@@ -247,5 +248,5 @@ void pliant_loop(void) {
     }
   }
   move_valves();
-  if (state == ACTIVE && pliant_millis() - heard_ms > bench->silence_ms) vent(SILENT);
+  if (state == ACTIVE && (int32_t)(now - heard_ms) > (int32_t)bench->silence_ms) vent(SILENT);
 }
