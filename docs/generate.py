@@ -106,6 +106,7 @@ INTERFACE_CLASS = {
     "optimizer": "Optimizer",
     "viewer": "Viewer",
     "model": "SystemModel",
+    "bench": "Bench",
 }
 
 

@@ -1,1 +1,1 @@
-"""Judged benchmark of the closed loop: truths of the evidence bed behind a simulated bench."""
+"""Benchmarks of benches and of the closed loop."""

@@ -23,7 +23,14 @@ def pliant_commands() -> Iterable[Command]:
 @hookimpl
 def pliant_interfaces() -> Iterable[Interface]:
     """Return the interface of drivers."""
-    return [Interface("bench", config=f"{HERE}.bench:BenchConfig", bases=(f"{HERE}.bench:Bench",))]
+    return [
+        Interface(
+            "bench",
+            config=f"{HERE}.bench:BenchConfig",
+            bases=(f"{HERE}.bench:Bench",),
+            checks=(f"{HERE}.conformance",),
+        )
+    ]
 
 
 @hookimpl
@@ -34,7 +41,7 @@ def pliant_blocks() -> Iterable[Block]:
             "bench",
             interface="bench",
             description="what performs the runs of `pliant experiment` (docs/connect_your_bench.md)",
-            paths=("truth",),
+            paths=("truth", "folder"),
             reader="experiment",
             fixed="it is the bench",
         ),
@@ -60,5 +67,32 @@ def pliant_components() -> Iterable[Component]:
             f"{drivers}.simulated:SimulatedBench",
             "a study as the specimen, with its effects, noise and memory; no hardware",
             {"truth": "truth.yaml"},
+        ),
+        Component(
+            "bench",
+            "serial",
+            f"{drivers}.line_config:SerialConfig",
+            f"{drivers}.serial_line:SerialBench",
+            "a microcontroller on a serial port",
+            requires=("serial",),
+            install="pip install 'pliant[bench]'",
+        ),
+        Component(
+            "bench",
+            "socket",
+            f"{drivers}.line_config:SocketConfig",
+            f"{drivers}.socket_line:SocketBench",
+            "a program or microcontroller on a TCP port, with the lines of `serial`",
+        ),
+        Component(
+            "bench",
+            "files",
+            f"{drivers}.files:FilesConfig",
+            f"{drivers}.files:FilesBench",
+            "a folder that the laboratory's own software reads protocols from and writes recordings into",
+            {
+                "inputs": {"pressure_pa": {"high": "15 kPa", "rate": "20 kPa/s"}},
+                "outputs": {"angle_rad": {}},
+            },
         ),
     ]

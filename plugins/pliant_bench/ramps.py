@@ -142,7 +142,7 @@ def shaped(protocol: BenchProtocol, inputs: Sequence[BenchChannel]) -> BenchProt
     count = max(len(path) for path in paths.values())
     rests = {channel.name: channel.rest for channel in inputs}
     commands = {n: np.concatenate([p, np.full(count - len(p), rests[n])]) for n, p in paths.items()}
-    time_s: Array = np.arange(count) * period_s
+    time_s = np.arange(count, dtype=float) * period_s
     return replace(protocol, time_s=time_s, commands=commands)
 
 

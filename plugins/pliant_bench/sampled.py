@@ -11,10 +11,11 @@ import threading
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant_bench.bench import (
     Bench,
     BenchChannel,
@@ -41,12 +42,15 @@ STOPPED = "The run was stopped by the user."
 class SampledBench(Bench):
     """A bench that is paced sample by sample.
 
-    `stall_s` is the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
-    bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling thread, for
-    benches that cannot hang.
+    Attributes:
+        stall_s: the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
+            bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling
+            thread, for benches that cannot hang.
+        age_s: how long before the return of `exchange` the outputs were read; a driver that knows it sets it.
     """
 
-    stall_s: ClassVar[float | None] = 1.0
+    stall_s: float | None = 1.0
+    age_s: float = 0.0
 
     def __init__(self, config: BenchConfig) -> None:
         super().__init__(config)
@@ -69,20 +73,33 @@ class SampledBench(Bench):
         """Set the inputs to rest at once; called before and after each run, maybe while `exchange` hangs."""
 
     def check(self) -> tuple[ChannelCheck, ...]:
-        """Return the medians of a few slow readings at rest."""
-        self.vent()
+        """Return the medians of a few slow readings at rest.
+
+        Raises:
+            UserError: the bench does not answer.
+        """
+        try:
+            readings = self._readings_at_rest()
+        except (OSError, RunStoppedError) as error:
+            raise UserError(
+                f"The handshake with the bench failed: {_cause(error)}. Switch it on and connect it."
+            ) from None
+        inputs = [ChannelCheck(channel.name, channel.rest) for channel in self.inputs]
+        return (*inputs, *(_checked(channel, readings) for channel in self.outputs))
+
+    def _readings_at_rest(self) -> list[Mapping[str, float]]:
+        _within(self.stall_s, self.vent)
         rest = {channel.name: channel.rest for channel in self.inputs}
         readings: list[Mapping[str, float]] = []
         for _ in range(CHECK_SAMPLES):
             self.clock.sleep_until(self.clock.now() + CHECK_PERIOD_S)
             readings.append(_within(self.stall_s, partial(self.exchange, rest)))
-        self.vent()
-        inputs = [ChannelCheck(channel.name, channel.rest) for channel in self.inputs]
-        return (*inputs, *(_checked(channel, readings) for channel in self.outputs))
+        _within(self.stall_s, self.vent)
+        return readings
 
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
         """Perform the run and return its recording; Ctrl-C and errors of `watch` are raised again after venting."""
-        inputs = self.inputs
+        inputs = self.limited_inputs
         check_protocol(protocol, inputs)
         samples: list[BenchSample] = []
         ending: Ending = "complete"
@@ -143,7 +160,7 @@ class SampledBench(Bench):
                         f"The run was stopped before a command that is not allowed: {violation}."
                     )
                 readings = worker.call(partial(self.exchange, commands), "did not answer")
-                read_s = self.clock.now() - start_s
+                read_s = max(commanded_s, self.clock.now() - start_s - self.age_s)
                 sample = BenchSample(
                     index, commanded_s, read_s, commands, readings, is_late or read_s > due_s + period_s
                 )
@@ -208,7 +225,8 @@ class _Worker:
 def _cause(error: Exception) -> str:
     """Return the text of an error inside brackets."""
     text = (error.strerror or "") if isinstance(error, OSError) else ""
-    return (text or str(error) or type(error).__name__).rstrip(".")
+    text = (text or str(error) or type(error).__name__).rstrip(".")
+    return text[:1].lower() + text[1:] if isinstance(error, RunStoppedError) else text
 
 
 def _within(stall_s: float | None, function: Callable[[], Any]) -> Any:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pliant_bench.bench import BenchProtocol, BenchSample
+from pliant_bench.emulator import compile_emulator
 
 PERIOD_S = 0.01
 
@@ -35,3 +38,11 @@ def pressure(values: Sequence[float], period_s: float = PERIOD_S) -> BenchProtoc
     return BenchProtocol(
         "raw", "a raw path", np.arange(len(values)) * period_s, {"pressure_pa": np.array(values, float)}
     )
+
+
+@pytest.fixture(scope="session")
+def emulator_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the emulated microcontroller, compiled."""
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    return compile_emulator(tmp_path_factory.mktemp("emulator"))

@@ -192,6 +192,17 @@ def test_the_handshake_reads_every_channel_at_rest():
         def exchange(self, commands):
             return {"angle_rad": 3.0}
 
+    class Hanging(Plant):
+        stall_s = 0.1
+
+        def exchange(self, commands):
+            time.sleep(0.5)
+            return {}
+
+    with pytest.raises(
+        UserError, match=r"handshake with the bench failed: the bench did not answer for 0.1 s\. Switch"
+    ):
+        Hanging().check()
     assert Blind().check()[-1].problem == "angle_rad gives no reading."
     assert Beyond().check()[-1].problem == "angle_rad reads 3, outside [-2, 2]."
 

@@ -14,6 +14,7 @@ from tests.pliant_counts import counts_study
 
 VERB_OF = {
     "app": "app",
+    "bench": "experiment",
     "calibrate": "calibrate",
     "export": "export",
     "search": "optimize",

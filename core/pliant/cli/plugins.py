@@ -39,6 +39,7 @@ SHORTEST_S = 0.05  # the time of a shorter check is not shown
 TEMPLATES = resources.files("pliant.cli") / "templates"
 # Keys of the generated plugin's study block besides `kind`, and its line in `pliant plugins`.
 EXAMPLES = {
+    "bench": ("{}", "a finger in memory, in place of your hardware"),
     "command": ("{}", "mass and length of a study's chain"),
     "effect": ('{"loss": 0.1}', "a share of the actuation is lost on the way"),
     "family": ("{}", "rectangular tube with its cavity off the axis"),

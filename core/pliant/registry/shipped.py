@@ -5,6 +5,7 @@ from __future__ import annotations
 # Package → its verbs, its blocks of a study, and its kinds of an interface that another package registers.
 ENTRIES = {
     "pliant_app": ("app",),
+    "pliant_bench": ("experiment", "bench"),
     "pliant_calibrate": ("calibrate",),
     "pliant_counts": (),
     "pliant_designs": ("sweep", "meta_model"),

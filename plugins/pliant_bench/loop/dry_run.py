@@ -48,7 +48,8 @@ def dry_run_document(
         return Document(
             kind="Pliant: a dry run", title=choice.why, sentence="Nothing is left to run.", data={}
         )
-    check_protocol(protocol, planner.bench.inputs)
+    channels = planner.bench.limited_inputs
+    check_protocol(protocol, channels)
     corners = corner_table(protocol)
     asked = [words(name, value) for name, value in protocol.conditions.items()]
     return Document(
@@ -69,7 +70,7 @@ def dry_run_document(
             },
         },
         brief=(corners, *([f"conditions: {', '.join(asked)}"] if asked else [])),
-        draw=partial(_drawn, protocol, planner.bench.inputs, expected, corners),
+        draw=partial(_drawn, protocol, channels, expected, corners),
         footer="The limits of the study and of the driver are checked again before every sample",
     )
 

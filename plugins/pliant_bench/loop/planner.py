@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -61,10 +61,6 @@ class RandomPlanner:
     settings: ExperimentConfig
     bench: Bench
     seed: int = 0
-    space: ProtocolSpace = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "space", ProtocolSpace.from_settings(self.settings, self.bench.inputs))
 
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition."""
@@ -75,7 +71,8 @@ class RandomPlanner:
     ) -> Choice:
         """Return a random run."""
         rng = np.random.default_rng([self.seed, len(done)])
-        protocol = self.space.protocol(self.space.random(rng, self.settings.standing), "random")
+        space = ProtocolSpace.from_settings(self.settings, self.bench.inputs)
+        protocol = space.protocol(space.random(rng, self.settings.standing), "random")
         minutes = protocol.duration_s / 60.0 + self.settings.set_up_minutes
         return Choice(protocol, "decide", "A random run.", 0.0, minutes)
 

@@ -20,6 +20,7 @@ from pliant.report.diagnosis import diagnosis_json
 from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
+from pliant_bench.limits import check_protocol
 from pliant_bench.loop.decision import Ended, budget_spent, nothing_to_tell, verdict_reached
 from pliant_bench.loop.expectation import expect, expect_without_data
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
@@ -160,6 +161,7 @@ def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
 def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis | None) -> BenchRecording:
     protocol, plan = folder.read_protocol(), folder.read("plan") or {}
     asked = {**plan["setting"], **plan["conditions"]}
+    check_protocol(protocol, experiment.bench.limited_inputs)
     before = setting([one for one in experiment.folder.rounds() if one.number < folder.number])
     stands = experiment.settings.standing | before
     changes = {name: value for name, value in asked.items() if stands.get(name) != value}

@@ -1,0 +1,234 @@
+"""Benches behind the line protocol, over a pseudo-terminal and TCP, on good lines and on bad ones."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from tests.bench.conftest import pressure
+from tests.bench.mangler import Mangler
+
+from pliant.errors import UserError
+from pliant_bench.bench import RunStoppedError
+from pliant_bench.drivers.line_config import SerialConfig, SocketConfig
+from pliant_bench.drivers.socket_line import SocketBench
+from pliant_bench.emulator import Emulator
+from pliant_bench.ramps import shaped
+from pliant_bench.watchdog import Watchdog, WatchdogConfig
+
+pytest.importorskip("serial")
+from pliant_bench.drivers.serial_line import SerialBench
+
+LAG_S, RAD_PER_PA = 0.1, 40e-6
+
+
+class MangledSerial(SerialBench):
+    """A serial bench whose line is mangled."""
+
+    share = 0.1
+
+    def open_line(self):
+        self.mangler = Mangler(super().open_line(), self.share)
+        return self.mangler
+
+
+class MangledSocket(SocketBench):
+    """A TCP bench whose line is mangled."""
+
+    share = 0.1
+
+    def open_line(self):
+        self.mangler = Mangler(super().open_line(), self.share)
+        return self.mangler
+
+
+@pytest.fixture
+def serial_bench(emulator_program, tmp_path):
+    """Return a function that connects a bench to an emulated microcontroller."""
+    opened = []
+
+    def connected(kind=SerialBench, **emulator):
+        tcp = issubclass(kind, SocketBench)
+        device = Emulator(emulator_program, tmp_path / "valve.log", tcp=tcp, **emulator)
+        config = (SocketConfig if tcp else SerialConfig)(port=device.port)
+        bench = kind(config)
+        bench.device = device
+        if tcp:
+            threading.Thread(target=device.accept).start()
+        bench.connect()
+        opened.append(bench)
+        return bench
+
+    yield connected
+    for bench in opened:
+        bench.close()
+        bench.device.close()
+
+
+def angle_of(device, instants_s):
+    """Return the angle of the finger at instants of CLOCK_MONOTONIC, from the log of the valve."""
+    times, values = device.valve()
+    grid = np.arange(times[0], instants_s[-1] + 0.01, 0.001)
+    valve = values[np.maximum(np.searchsorted(times, grid, side="right") - 1, 0)]
+    angles, angle = np.empty(len(grid)), 0.0
+    for k, value in enumerate(valve):
+        angle += (RAD_PER_PA * value - angle) * (1 - np.exp(-0.001 / LAG_S))
+        angles[k] = angle
+    return np.interp(instants_s, grid, angles)
+
+
+@pytest.mark.parametrize("kind", [SerialBench, SocketBench])
+def test_a_run_over_a_good_line(serial_bench, hill, unwatched, kind):
+    bench = serial_bench(kind)
+    assert [c.name for c in (*bench.inputs, *bench.outputs)] == ["pressure_pa", "angle_rad"]
+    assert (bench.inputs[0].limits.high, bench.inputs[0].limits.rate) == (15e3, 20e3)
+    assert not any(one.problem for one in bench.check())
+    done = bench.run(hill(8e3, 2.0), unwatched)
+    assert done.ending == "complete" and done.readings["angle_rad"].max() == pytest.approx(0.31, abs=0.02)
+    assert bench.device.valve()[1][-1] == 0.0
+
+
+@pytest.mark.parametrize("kind", [MangledSerial, MangledSocket])
+def test_no_sample_is_wrong_silently_on_a_bad_line(serial_bench, kind):
+    bench, starts = serial_bench(kind), []
+    raw = np.repeat(np.random.default_rng(5).uniform(0, 12e3, 9), 40)
+    protocol = shaped(pressure(raw), bench.inputs)
+
+    def watch(sample):
+        if np.isfinite(sample.readings.get("angle_rad", np.nan)):
+            starts.append(time.monotonic() - bench.age_s - sample.read_s)
+
+    done = bench.run(protocol, watch)
+    assert done.ending == "complete" and len(done) == len(protocol)
+    assert min(bench.mangler.mangled.values()) > 15
+    read = done.readings["angle_rad"]
+    is_read = np.isfinite(read)
+    assert is_read.mean() > 0.5
+    # The finger moves by up to 0.5 rad/s: a reading that were 20 ms old would be wrong by 10 mrad.
+    true = angle_of(bench.device, min(starts) + done.read_s[is_read])
+    assert np.abs(read[is_read] - true).max() < 2.5e-3
+
+
+def test_limits_hold_on_a_bad_line(serial_bench):
+    bench = serial_bench(MangledSerial)
+    raw = np.tile([0.0, 12e3], 10).repeat(10)
+    bench.run(shaped(pressure(raw), bench.inputs), lambda sample: None)
+    times, values = bench.device.valve()
+    steps, gaps = np.diff(values), np.diff(times)
+    up = steps > 0
+    assert values.max() <= 15e3 and values.min() >= 0.0
+    assert (steps[up] <= 20e3 * (gaps[up] + 0.001) * 1.001).all()
+
+
+def test_a_line_that_dies_is_silence_and_the_microcontroller_vents_itself(serial_bench, hill):
+    bench = serial_bench(MangledSerial)
+    protocol = hill(8e3, 4.0)
+    watchdog = Watchdog(protocol, WatchdogConfig(0.3))
+
+    def watch(sample):
+        if sample.index == 200:
+            bench.mangler._share = 1e-9
+            bench.mangler._mangle = lambda line, queue: None  # nothing gets through any more
+        watchdog(sample)
+
+    done = bench.run(protocol, watch)
+    assert done.ending == "lost" and done.reason.startswith("No reading came for 0.3")
+    assert done.reason.endswith("could not be vented (the microcontroller does not answer): vent it by hand.")
+    time.sleep(0.6)
+    assert bench.device.valve()[1][-1] == 0.0
+
+
+def test_a_bench_that_vented_by_itself_is_not_filled_again(serial_bench, hill):
+    bench = serial_bench()
+
+    def watch(sample):
+        if sample.index == 100:
+            time.sleep(0.7)
+
+    done = bench.run(hill(8e3, 4.0), watch)
+    assert done.ending == "stopped" and "vented because no line came" in done.reason
+    assert bench.device.valve()[1][-1] == 0.0
+    assert bench.run(hill(1e3, 1.0), lambda sample: None).ending == "complete"
+
+
+def test_a_run_with_longer_intervals_than_the_silence_is_refused(serial_bench, unwatched):
+    bench = serial_bench()
+    with pytest.raises(UserError, match=r"leaves 0.3 s between two samples, .* vents after 0.5 s without a line"):
+        bench.run(pressure([0, 0, 0], period_s=0.3), unwatched)
+
+
+def test_commands_outside_the_range_of_the_microcontroller_are_refused_by_it(serial_bench):
+    bench = serial_bench()
+    with pytest.raises(RunStoppedError, match="outside its range"):
+        bench.exchange({"pressure_pa": 15.1e3})
+    with pytest.raises(RunStoppedError, match="could not read"):
+        bench.exchange({"pressure_pa": np.nan})
+    assert bench.device.valve()[1].max() == 0.0
+
+
+def test_the_microcontroller_keeps_its_rate_whatever_it_is_sent(serial_bench):
+    bench = serial_bench()
+    bench.exchange({"pressure_pa": 15e3})
+    time.sleep(0.3)
+    bench.exchange({"pressure_pa": 0.0})
+    time.sleep(0.3)
+    times, values = bench.device.valve()
+    moving = np.flatnonzero(np.diff(values))
+    rates = np.abs(np.diff(values)[moving]) / (np.diff(times)[moving] + 0.001)
+    assert values.max() > 4e3 and rates.max() <= 20e3 * 1.001
+
+
+def test_a_microcontroller_that_restarts_is_noticed(serial_bench, hill, emulator_program, tmp_path):
+    first = serial_bench(step_ms=10)
+    first.run(hill(2e3, 1.0), lambda sample: None)
+    with Emulator(emulator_program, tmp_path / "other.log", step_ms=10) as second:
+
+        def watch(sample):
+            if sample.index == 50:  # another one answers, whose clock is at its start
+                other = SerialBench(SerialConfig(port=second.port))
+                other.connect()
+                first._client, other._client = other._client, first._client
+
+        done = first.run(hill(2e3, 1.0), watch)
+    assert done.ending == "stopped" and "has restarted" in done.reason
+
+
+def test_a_microcontroller_without_a_hello_refuses_to_follow(emulator_program, tmp_path):
+    with Emulator(emulator_program, tmp_path / "valve.log") as device:
+        bench = SerialBench(SerialConfig(port=device.port))
+        bench.connect()
+        client = bench._client
+        assert client.ask("X 100")[0] == "X"
+        assert client.ask("Q")[:2] == ["E", "request"] and client.ask("I 9")[:2] == ["E", "channel"]
+        bench.close()
+
+
+def test_a_missing_port_is_a_sentence(tmp_path):
+    with pytest.raises(
+        UserError, match=r"serial port /dev/nothing cannot be opened: .*bench: \{kind: serial"
+    ):
+        SerialBench(SerialConfig(port="/dev/nothing")).connect()
+    with pytest.raises(UserError, match=r"Nothing answers at 127.0.0.1:1 .*kind: socket"):
+        SocketBench(SocketConfig(port=1)).connect()
+
+
+def test_something_else_on_the_port_is_a_sentence(tmp_path):
+    import pty
+    import tty
+
+    controller, terminal = pty.openpty()
+    tty.setraw(terminal)
+    import os
+
+    config = SerialConfig(port=os.ttyname(terminal), start_s=0.1)
+    with pytest.raises(UserError, match="does not answer; is the sketch"):
+        SerialBench(config).connect()
+    os.close(controller)
+    os.close(terminal)
+
+
+def test_closing_twice_and_without_connecting_is_allowed(serial_bench):
+    bench = serial_bench()
+    bench.close()
+    bench.close()
+    SocketBench(SocketConfig(port=1)).close()

@@ -1,0 +1,142 @@
+"""The closed loop on the simulated bench: it ends with the hidden effect, and goes on after any interruption."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.bench.joint_study import write_study
+
+from pliant import api
+from pliant_bench.bench import BenchSample
+from pliant_bench.choose import SearchEffort
+from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
+from pliant_bench.loop.person import Nobody
+from pliant_bench.loop.planner import TellingPlanner, model_inputs
+from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.view import View
+
+BENCH = """\
+bench: {kind: simulated, truth: truth.yaml, noise: {angle_rad: 0.3 deg}}
+experiment:
+  inputs: {pressure_pa: {low: 0 kPa, high: 15 kPa, rate: 15 kPa/s}}
+  period: 0.1 s
+  longest_run: 30 s
+"""
+TRUTH = "effects: [{kind: viscous_damping, time: 0.3 s}]\n"
+KINDS = ["viscous_damping", "sensor_scale"]
+QUICK = SearchEffort(random=6, elsewhere=2, settings=1, generations=1, children=3)
+
+
+def write_studies(folder: Path) -> Path:
+    write_study(folder, TRUTH, "truth.yaml")
+    return write_study(folder, BENCH)
+
+
+class KillingView(View):
+    """A view that interrupts the program at its n-th event."""
+
+    def __init__(self, last: float) -> None:
+        self.events, self.last = 0, last
+
+    def _count(self, *_: Any) -> None:
+        self.events += 1
+        if self.events >= self.last:
+            raise KeyboardInterrupt
+
+    planned = sample = recorded = diagnosing = diagnosed = _count
+
+
+def loop(folder: Path, path: Path, view: View | None = None) -> tuple[Any, ExperimentFolder]:
+    opened = api.open_study(path, store=folder.parent / "store")
+    settings, bench = opened.study.experiment, opened.context.build("bench", opened.study.bench)
+    bench.study_limits = {name: one.limits(name) for name, one in settings.inputs.items()}
+    bench.connect()
+    experiment = ExperimentFolder(folder)
+    experiment.begin({"study": opened.study.name})
+    planner = TellingPlanner(opened, settings, bench, QUICK)
+    end = run_rounds(
+        Experiment(
+            opened,
+            settings,
+            bench,
+            experiment,
+            model_inputs(opened),
+            KINDS,
+            planner,
+            Nobody(),
+            view or View(),
+        )
+    )
+    return end, experiment
+
+
+def verdict(folder: ExperimentFolder) -> Mapping[str, Any]:
+    return [one for f in folder.rounds() if (one := f.read("verdict")) is not None][-1]
+
+
+def rows(folder: RoundFolder) -> int:
+    return len(folder.recording.read_text().splitlines()) - 1 if folder.recording.exists() else 0
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any, ExperimentFolder, int]:
+    path = write_studies(tmp_path_factory.mktemp("study"))
+    view = KillingView(np.inf)
+    end, folder = loop(path.parent / "whole", path, view)
+    return path, end, folder, view.events
+
+
+def test_the_hidden_effect_is_named(whole: tuple[Path, Any, ExperimentFolder, int]) -> None:
+    _, end, folder, _ = whole
+    found = verdict(folder)
+    assert end.why == "verdict"
+    assert (found["verdict"], found["selected"]) == ("missing_effect", ["viscous_damping"])
+
+
+def test_every_step_is_on_disk(whole: tuple[Path, Any, ExperimentFolder, int]) -> None:
+    folder = whole[2]
+    for one in folder.rounds():
+        plan = one.read("plan") or {}
+        assert plan["why"] and plan["minutes"] > 0.0
+        assert (one.read("recording") or {})["ending"] == "complete"
+        assert rows(one) == len(one.read_protocol())
+    assert json.loads((folder.path / "status.json").read_text())["doing"] in ("running", "diagnosing")
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.55, 0.8, 0.97])
+def test_an_interrupted_experiment_goes_on(
+    whole: tuple[Path, Any, ExperimentFolder, int], tmp_path: Path, share: float
+) -> None:
+    path, end, uninterrupted, events = whole
+    view = KillingView(max(1, round(share * events)))
+    with pytest.raises(KeyboardInterrupt):
+        loop(tmp_path / "killed", path, view)
+    folder = ExperimentFolder(tmp_path / "killed")
+    before = {one.number: one.samples.read_text() for one in folder.rounds() if one.samples.exists()}
+    again, _ = loop(tmp_path / "killed", path)
+    assert again.why == end.why
+    assert verdict(folder)["selected"] == verdict(uninterrupted)["selected"]
+    for one in folder.rounds():
+        if one.number in before:
+            assert one.samples.read_text() == before[one.number]  # nothing was lost
+
+
+def test_a_sample_is_on_disk_before_it_is_looked_at(tmp_path: Path) -> None:
+    path = write_studies(tmp_path)
+    folder = ExperimentFolder(tmp_path / "experiment")
+    seen = []
+
+    class Looking(View):
+        def sample(self, sample: BenchSample) -> None:
+            seen.append(len(folder.rounds()[-1].samples.read_text().splitlines()) - 1 == sample.index + 1)
+            if len(seen) > 20:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        loop(folder.path, path, Looking())
+    assert all(seen)
