@@ -99,9 +99,11 @@ def first_runs(
     moves = []
     for axis in driven:
         name, rest = axis.channel.name, axis.channel.rest
-        for share, hold_s in zip(FIRST_LEVELS, (0.0, FIRST_HOLD_S), strict=True):
-            level = rest + share * (axis.high - rest)
-            moves += [Move({name: level}, FIRST_PACE, hold_s), Move({name: rest}, FIRST_PACE)]
+        for end in (axis.high, axis.low):
+            for share, hold_s in zip(FIRST_LEVELS, (0.0, FIRST_HOLD_S), strict=True):
+                if end != rest:
+                    level = rest + share * (end - rest)
+                    moves += [Move({name: level}, FIRST_PACE, hold_s), Move({name: rest}, FIRST_PACE)]
     clock, commands, _ = sampled_path(moves, space.axes, space.period_s, space.longest_s, STILL_S)
     words = "cycles of every input to a third and two thirds of its range"
     return tuple(
@@ -134,7 +136,8 @@ def choose_next(
         effort: how many runs are predicted.
     """
     space = ProtocolSpace.from_settings(settings, channels)
-    standing = {name: done[-1].conditions.get(name, value) for name, value in space.settings[0].items()}
+    last = done[-1].conditions if done else {}
+    standing = {name: last.get(name, value) for name, value in settings.standing.items()}
     if diagnosis.verdict == "not_repeatable":
         return _repeated(done, settings, standing)
     search = _Search(

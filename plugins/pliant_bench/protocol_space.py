@@ -15,7 +15,7 @@ import numpy as np
 from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.records.design import Array
-from pliant.units import parse_quantity, si_unit
+from pliant.units import si_unit
 from pliant_bench.bench import BenchChannel, BenchProtocol, ChannelLimits
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.motions import Axis, Move, axes_within, sampled_path
@@ -226,10 +226,8 @@ def _count(share: float, most: int) -> int:
 def manual_settings(settings: ExperimentConfig) -> tuple[Mapping[str, float], ...]:
     """Return every combination of the conditions that a person can set, SI, the present one first."""
     found: list[dict[str, float]] = [{}]
-    for name, levels in settings.manual.items():
-        unit = si_unit(name) or "dimensionless"
-        values = [parse_quantity(one, unit) if isinstance(one, str) else float(one) for one in levels]
-        found = [{**one, name: value} for one in found for value in values]
+    for name in settings.manual:
+        found = [{**one, name: value} for one in found for value in settings.levels(name)]
     return tuple(found)
 
 
