@@ -18,13 +18,17 @@ from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
-from pliant.diagnosis.next_run import MOST_CONTENDERS, SMALL, Belief, information_matrix
+from pliant.diagnosis.next_run import MOST_CONTENDERS, Belief, information_matrix
 from pliant.registry.discovery import Registry
 
 # An explanation with less than this share of the largest probability is no rival.
 RIVAL = 0.05
 # Probability of an explanation without a rival against all further effects together: even odds.
 SETTLED = 0.5
+# Groups of further effects, those that the runs so far determine least first.
+MOST_GROUPS = 3
+# Verdicts that name a cause, or that nothing is missing.
+FINAL = ("missing_effect", "nothing_missing", "law_off", "unknown_effect")
 Purpose = Literal["decide", "expose"]
 
 
@@ -34,45 +38,55 @@ class Question:
 
     Attributes:
         purpose: decide between the explanations that are left, or expose what the only one lacks.
-        belief: the contenders with their probabilities; assumed ones where the purpose is to expose.
+        beliefs: contenders with their probabilities; to expose, a group of further effects each, with assumed ones.
     """
 
     purpose: Purpose
-    belief: Belief
+    beliefs: tuple[Belief, ...]
+
+    @property
+    def contenders(self) -> tuple[Kinds, ...]:
+        """Return all hypotheses, each once."""
+        return tuple(dict.fromkeys(kinds for belief in self.beliefs for kinds in belief.contenders))
 
 
 def question(diagnosis: Diagnosis, registry: Registry) -> Question:
     """Return what the next run has to tell apart."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
-    settled = diagnosis.verdict in ("missing_effect", "nothing_missing", "law_off", "unknown_effect")
     shares = sorted((belief.probability[kinds] for kinds in belief.contenders), reverse=True)
-    if not settled and len(shares) > 1 and shares[1] >= RIVAL * shares[0]:
-        return Question("decide", belief)
+    if diagnosis.verdict not in FINAL and len(shares) > 1 and shares[1] >= RIVAL * shares[0]:
+        return Question("decide", (belief,))
     return exposing(diagnosis, registry)
 
 
 def exposing(diagnosis: Diagnosis, registry: Registry) -> Question:
-    """Return the question what the most probable explanation lacks."""
+    """Return the question what the most probable explanation lacks: all single effects, in groups."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
-    base = diagnosis.explained
-    rivals = [kinds for kinds in belief.contenders if kinds != base]
-    further = [kinds for kinds in _least_determined(diagnosis, belief) if not set(kinds) & set(base)]
-    fits = {base: diagnosis.fits[base]} | {kinds: diagnosis.fits[kinds] for kinds in rivals}
-    for kinds in further:
-        if len(fits) == MOST_CONTENDERS:
-            break
-        fits.setdefault((*base, *kinds), _added(diagnosis, base, kinds, registry))
-    others = max(len(fits) - 1, 1)
-    share = {kinds: SETTLED if kinds == base else max((1.0 - SETTLED) / others, SMALL) for kinds in fits}
-    plain = {NOTHING: diagnosis.fits[NOTHING]}
+    base, size = diagnosis.explained, MOST_CONTENDERS - 1
+    singles = [kinds for kinds in _least_determined(diagnosis, belief) if not set(kinds) & set(base)]
+    groups = [singles[k : k + size] for k in range(0, len(singles), size)]
     return Question(
-        "expose", Belief(plain | fits, share, belief.n_effective, belief.square, belief.thresholds)
+        "expose", tuple(_against(diagnosis, belief, base, one, registry) for one in groups[:MOST_GROUPS])
     )
+
+
+def _against(
+    diagnosis: Diagnosis, belief: Belief, base: Kinds, group: list[Kinds], registry: Registry
+) -> Belief:
+    """Return the explanation at even odds with itself and one effect of the group."""
+    fits = {base: diagnosis.fits[base]}
+    fits |= {
+        kinds if base == NOTHING else (*base, *kinds): _added(diagnosis, base, kinds, registry)
+        for kinds in group
+    }
+    odds = {kinds: SETTLED if kinds == base else (1.0 - SETTLED) / len(group) for kinds in fits}
+    plain = {NOTHING: diagnosis.fits[NOTHING]}
+    return Belief(plain | fits, odds, belief.n_effective, belief.square, belief.thresholds)
 
 
 def _least_determined(diagnosis: Diagnosis, belief: Belief) -> list[Kinds]:
     """Return the single effects, those first whose strength the runs so far restrict least."""
-    spread = {}
+    spread: dict[Kinds, float] = {}
     for kinds, fit in diagnosis.fits.items():
         if len(kinds) != 1 or not fit.candidate.parameters or not math.isfinite(fit.mean_square()):
             continue
