@@ -27,8 +27,8 @@ from pliant_bench.protocol_space import ProtocolSpace, SpaceMember, changed
 
 # Settings with less than this share of the largest information are not chosen for being quick to set.
 TELLING = 0.5
-# Minutes that a run is charged in the comparison beside its own, by purpose: a verdict on little data is less reliable than
-# its probability says, and a lone explanation should meet a run of many parts before it is believed.
+# Minutes that a run is charged in the comparison beside its own, by purpose: a verdict on little data is less reliable
+# than its probability says, and a lone explanation should meet a run of many parts before it is believed.
 PER_ROUND = {"decide": 1.0, "expose": 3.0}
 
 
