@@ -171,3 +171,26 @@ def test_first_runs_are_repeats_within_the_limits_and_leave_loads_at_rest() -> N
 def test_entropy_is_that_of_the_probabilities() -> None:
     assert entropy_nats({("a",): 0.5, ("b",): 0.5, (): 0.0}) == pytest.approx(np.log(2.0))
     assert entropy_nats({(): 1.0}) == 0.0
+
+
+def test_a_model_of_the_user_is_planned_for_too(tmp_path: Path) -> None:
+    from pliant_systems.manifest import EXAMPLE
+
+    model = f"pliant: 1\nname: hinge\nmodel: {{kind: python, file: {EXAMPLE}}}\n"
+    (tmp_path / "truth.yaml").write_text(model + "effects: [{kind: state@coulomb, value: 0.15}]\n")
+    (tmp_path / "study.yaml").write_text(model)
+    given = {"truth": tmp_path / "truth.yaml", "noise": {"angle_rad": 0.02}}
+    bench = SimulatedBench(SimulatedBenchConfig.model_validate(given))
+    bench.connect()
+    torque = {"torque_n_m": {"low": "-1 N*m", "high": "1 N*m", "rate": "2 N*m/s"}}
+    settings = config(inputs=torque, period="0.05 s", longest_run="60 s")
+    done = list(first_runs(settings, bench.inputs))
+    assert done[0].commands["torque_n_m"].min() < -0.5  # both ways
+    runs = [measured_run(bench.run(one, lambda sample: None), ["torque_n_m"]) for one in done]
+    data, opened = measurement(runs), api.open_study(tmp_path / "study.yaml")
+    diagnosis = api.diagnose(opened, data, kinds=["state@coulomb", "parameter@stiffness", "dead_zone"])
+    choice = choose_next(opened, data, diagnosis, settings, done, channels=bench.inputs, effort=FEW)
+    assert choice.purpose in ("decide", "expose")
+    if choice.protocol is not None:
+        check_protocol(choice.protocol, bench.inputs)
+        assert np.ptp(choice.protocol.commands["torque_n_m"]) > 0.0
