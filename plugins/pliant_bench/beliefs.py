@@ -8,7 +8,6 @@ far leave possible, those that they determine least first.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -114,15 +113,3 @@ def _added(diagnosis: Diagnosis, base: Kinds, kinds: Kinds, registry: Registry) 
         (*first.at_limit, *second.at_limit),
         max(first.parts, second.parts),
     )
-
-
-def entropy_nats(probability: Mapping[Kinds, float]) -> float:
-    """Return the entropy of the hypotheses' probabilities."""
-    shares = np.array([value for value in probability.values() if value > 0.0])
-    shares = shares / shares.sum()
-    return float(-np.sum(shares * np.log(shares)))
-
-
-def obtained_nats(before: Diagnosis, after: Diagnosis) -> float:
-    """Return the information of the runs between two diagnoses: the fall of the entropy; negative where it rose."""
-    return entropy_nats(before.judgement.probability) - entropy_nats(after.judgement.probability)
