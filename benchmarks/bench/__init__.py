@@ -1,1 +1,1 @@
-"""Benchmarks of benches."""
+"""Benchmarks of benches and of the closed loop."""

@@ -153,7 +153,7 @@ def test_a_bench_that_vented_by_itself_is_not_filled_again(serial_bench, hill):
 
 def test_a_run_with_longer_intervals_than_the_silence_is_refused(serial_bench, unwatched):
     bench = serial_bench()
-    with pytest.raises(UserError, match=r"leaves 0.3 s between two samples, .* vents after 0.5 s without a line"):
+    with pytest.raises(UserError, match=r"leaves 0.3 s between two samples; .* vents after 0.5 s without a line"):
         bench.run(pressure([0, 0, 0], period_s=0.3), unwatched)
 
 

@@ -99,7 +99,7 @@ class LineBench(SampledBench):
         longest_s = float(np.diff(protocol.time_s).max(initial=0.0))
         if longest_s > 0.5 * self._silence_s:
             raise UserError(
-                f"Run '{protocol.name}' leaves {longest_s:g} s between two samples, and the microcontroller vents after "
+                f"Run '{protocol.name}' leaves {longest_s:g} s between two samples; the microcontroller vents after "
                 f"{self._silence_s:g} s without a line; sample every {0.5 * self._silence_s:g} s at least."
             )
         return super().run(protocol, watch)

@@ -266,15 +266,15 @@ class SimulatedBench(Bench):
     def _sample(
         self, protocol: BenchProtocol, index: int, readings: dict[str, Array], started: float
     ) -> BenchSample:
-        """Wait until the sample is due, if the bench has a clock, and return it."""
-        due = now = float(protocol.time_s[index])
-        late = False
+        """Wait until the sample is due, if the bench has a pace, and return it.
+
+        The specimen moves at the instants of the protocol, however late the computer is.
+        """
+        due = float(protocol.time_s[index])
         if self.config.speed is not None:
             self._stopping.wait(max(0.0, started + due / self.config.speed - time.perf_counter()))
-            now = (time.perf_counter() - started) * self.config.speed
-            late = now - due > float(np.diff(protocol.time_s).min(initial=np.inf))
         read = {name: float(values[index]) for name, values in readings.items()}
-        return BenchSample(index, now, now, protocol.commands_at(index), read, late)
+        return BenchSample(index, due, due, protocol.commands_at(index), read)
 
 
 def _input(channel: Channel) -> BenchChannel:

@@ -62,11 +62,14 @@ class RunStory:
         return None if self.verdict is None else self.verdict["obtained_nats"]
 
 
-COLUMNS: tuple[Column[RunStory], ...] = (
-    Column("number", head="run", brief="run"),
-    Column("plan.name", head="name"),
+WORDS: tuple[Column[RunStory], ...] = (
+    Column("number", head="run"),
     Column("plan.words", "run", head="what was done"),
     Column("plan.why", head="why"),
+    Column("recording.ending", "ending", head="ending"),
+)
+NUMBERS: tuple[Column[RunStory], ...] = (
+    Column("number", head="run", brief="run"),
     Column("plan.minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
     Column("plan.expected_nats", head="expected", brief="expected", show=bits),
     Column("obtained_nats", head="obtained", brief="obtained", show=bits),
@@ -77,7 +80,6 @@ COLUMNS: tuple[Column[RunStory], ...] = (
         brief="most probable",
         show=lambda lead: f"{lead[0]}, {whole_percent(lead[1])}",
     ),
-    Column("recording.ending", "ending"),
     Column("recording.reason", "reason"),
     Column("recording.samples", "samples"),
     Column("recording.late", "late"),
@@ -112,11 +114,11 @@ def experiment_document(
             "probabilities": {}
             if last is None
             else {hypothesis(h["kinds"]): h["probability"] for h in last["hypotheses"]},
-            "runs": [as_json(COLUMNS, story) for story in stories],
+            "runs": [as_json((*WORDS, *NUMBERS), story) for story in stories],
             "recordings": [str(path) for path in folder.recordings()],
             "improved_study": improved,
         },
-        brief=(brief_table(COLUMNS, stories),),
+        brief=(brief_table(NUMBERS, stories),),
         warnings=tuple(
             Warned(f"Run {s.number} was not complete ({s.recording['ending']}): {s.recording['reason']}")
             for s in stopped
@@ -139,7 +141,18 @@ def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:
         picture(
             "probabilities", "Probability of the explanations after each run.", probability_chart(stories)
         ),
-        section("Run by run", page_table("Runs", COLUMNS, stories), open=True),
+        section(
+            "Run by run",
+            page_table("What was done", WORDS, stories, numeric=9),
+            page_table(
+                "What it told",
+                NUMBERS,
+                stories,
+                "Expected and obtained: the fall of the entropy of the explanations' probabilities. Where one "
+                "explanation is left, a run is expected to tell whether a further effect is missing, with even odds.",
+            ),
+            open=True,
+        ),
         *(
             section(
                 f"Expected and measured: {output_unit(name).label}",
