@@ -6,7 +6,6 @@ import time
 import numpy as np
 import pytest
 from tests.bench.conftest import pressure
-from tests.bench.mangler import Mangler
 
 from pliant.errors import UserError
 from pliant_bench.bench import RunStoppedError
@@ -17,29 +16,11 @@ from pliant_bench.ramps import shaped
 from pliant_bench.watchdog import Watchdog, WatchdogConfig
 
 pytest.importorskip("serial")
+from tests.bench.mangled_benches import MangledSerial, MangledSocket
+
 from pliant_bench.drivers.serial_line import SerialBench
 
 LAG_S, RAD_PER_PA = 0.1, 40e-6
-
-
-class MangledSerial(SerialBench):
-    """A serial bench whose line is mangled."""
-
-    share = 0.1
-
-    def open_line(self):
-        self.mangler = Mangler(super().open_line(), self.share)
-        return self.mangler
-
-
-class MangledSocket(SocketBench):
-    """A TCP bench whose line is mangled."""
-
-    share = 0.1
-
-    def open_line(self):
-        self.mangler = Mangler(super().open_line(), self.share)
-        return self.mangler
 
 
 @pytest.fixture
@@ -153,7 +134,9 @@ def test_a_bench_that_vented_by_itself_is_not_filled_again(serial_bench, hill):
 
 def test_a_run_with_longer_intervals_than_the_silence_is_refused(serial_bench, unwatched):
     bench = serial_bench()
-    with pytest.raises(UserError, match=r"leaves 0.3 s between two samples; .* vents after 0.5 s without a line"):
+    with pytest.raises(
+        UserError, match=r"leaves 0.3 s between two samples; .* vents after 0.5 s without a line"
+    ):
         bench.run(pressure([0, 0, 0], period_s=0.3), unwatched)
 
 
