@@ -22,7 +22,8 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 
 SOURCES = resources.files("pliant_bench") / "microcontroller"
-ENDS_AFTER_S = 3600  # without a byte
+# Without a byte for this long a program ends: one that a test left, one that a user waits beside.
+ENDS_AFTER_S, ENDS_AFTER_AN_HOUR_S = 60, 3600
 
 
 def compile_emulator(folder: Path) -> Path:
@@ -48,15 +49,19 @@ class Emulator:
         log: file for the valve.
         step_ms: 0 for real time; else time passes by so much at each line.
         tcp: whether it is behind a TCP port instead of a pseudo-terminal.
+        idle_s: the program ends when no byte has come for this long.
 
     Attributes:
         port: name of the serial port, or number of the TCP port.
     """
 
-    def __init__(self, program: Path, log: Path, step_ms: int = 0, tcp: bool = False) -> None:
+    def __init__(
+        self, program: Path, log: Path, step_ms: int = 0, tcp: bool = False, idle_s: int = ENDS_AFTER_S
+    ) -> None:
         self.log = log
-        self._command = [str(program), str(log), str(step_ms), str(ENDS_AFTER_S)]
-        self._process: subprocess.Popen[bytes] | None = None
+        self._command = [str(program), str(log), str(step_ms), str(idle_s)]
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._terminal: int | None = None
         self._listener: socket.socket | None = None
         self.port = self._listen() if tcp else self._open_terminal()
 
@@ -71,7 +76,7 @@ class Emulator:
     @property
     def is_running(self) -> bool:
         """Return whether the program runs."""
-        return self._process is not None and self._process.poll() is None
+        return any(process.poll() is None for process in self._processes)
 
     def accept(self) -> None:
         """Wait for a TCP connection, which becomes the line."""
@@ -99,14 +104,17 @@ class Emulator:
 
     def close(self) -> None:
         """End the program."""
-        if self._process is not None:
-            self._process.terminate()
-            self._process.wait()
+        for process in self._processes:
+            process.terminate()
+            process.wait()
         if self._listener is not None:
             self._listener.close()
+        if self._terminal is not None:
+            os.close(self._terminal)
+            self._terminal = None
 
     def _start(self, line: int) -> None:
-        self._process = subprocess.Popen(self._command, stdin=line, stdout=line)
+        self._processes.append(subprocess.Popen(self._command, stdin=line, stdout=line))
 
     def _open_terminal(self) -> str:
         import pty
@@ -130,7 +138,8 @@ def main() -> None:
     """Run an emulated microcontroller until Ctrl-C."""
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent)
-        with Emulator(compile_emulator(folder), folder / "valve.log") as emulator:
+        program = compile_emulator(folder)
+        with Emulator(program, folder / "valve.log", idle_s=ENDS_AFTER_AN_HOUR_S) as emulator:
             print(f"bench: {{kind: serial, port: {emulator.port}}}", flush=True)
             try:
                 while emulator.is_running:

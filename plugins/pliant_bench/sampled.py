@@ -46,11 +46,13 @@ class SampledBench(Bench):
         stall_s: the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
             bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling
             thread, for benches that cannot hang.
-        age_s: how long before the return of `exchange` the outputs were read; a driver that knows it sets it.
+        age_s: how long before the return of `exchange` the outputs were read, where the driver knows it.
+        set_age_s: the same of the inputs; None where they are set when `exchange` is called.
     """
 
     stall_s: float | None = 1.0
     age_s: float = 0.0
+    set_age_s: float | None = None
 
     def __init__(self, config: BenchConfig) -> None:
         super().__init__(config)
@@ -63,6 +65,9 @@ class SampledBench(Bench):
     @abstractmethod
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, float]:
         """Set every input and read every output once, SI; an output without a reading is NaN or missing.
+
+        A bench that knows the present value of an input, such as a valve on its way, returns it as well; it is recorded
+        in place of the command.
 
         Raises:
             ConnectionLostError: the bench no longer answers and will not again.
@@ -159,11 +164,15 @@ class SampledBench(Bench):
                     raise RunStoppedError(
                         f"The run was stopped before a command that is not allowed: {violation}."
                     )
-                readings = worker.call(partial(self.exchange, commands), "did not answer")
-                read_s = max(commanded_s, self.clock.now() - start_s - self.age_s)
-                sample = BenchSample(
-                    index, commanded_s, read_s, commands, readings, is_late or read_s > due_s + period_s
-                )
+                values = worker.call(partial(self.exchange, commands), "did not answer")
+                now_s = self.clock.now() - start_s
+                if self.set_age_s is not None:
+                    commanded_s = max(commanded_s, now_s - self.set_age_s)
+                read_s = max(commanded_s, now_s - self.age_s)
+                present = {name: values.get(name, command) for name, command in commands.items()}
+                readings = {name: value for name, value in values.items() if name not in present}
+                is_late = is_late or max(commanded_s, read_s) > due_s + period_s
+                sample = BenchSample(index, commanded_s, read_s, present, readings, is_late)
                 samples.append(sample)
                 watch(sample)
 

@@ -118,7 +118,7 @@ def assert_limits_were_kept(device, vents):
 def test_the_valve_never_exceeds_its_limits_under_random_protocols(emulator_program, tmp_path, count):
     rng, fates = np.random.default_rng(count), []
     with Emulator(emulator_program, tmp_path / "valve.log", step_ms=round(1000 * PERIOD_S)) as device:
-        bench = CountingBench(SerialConfig(port=device.port))
+        bench = CountingBench(SerialConfig(port=device.port, timeout_s=1.0))  # on a busy computer too
         bench.connect()
         bench.clock = AcceleratedClock()
         for _ in range(count):

@@ -8,7 +8,7 @@ import types
 from types import SimpleNamespace
 
 import pytest
-from tests.docs.pages import blocks, commands, page_text, run
+from tests.docs.pages import ROOT, blocks, commands, page_text, run
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
@@ -138,7 +138,9 @@ def test_the_blocks_of_the_study_are_valid(tmp_path):
 def test_the_commands_of_the_page_exist(tmp_path, monkeypatch, rig):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig.py").write_text(MINIMAL.replace("5025", str(rig)))
-    (check,) = commands(PAGE)
+    experiment, check = commands(PAGE)
+    assert experiment.startswith("experiment examples/emulated_bench/finger.yaml bench.port=")
+    assert load_study(ROOT / experiment.split()[1], discover()).block("bench").kind == "serial"
     assert "0 failed" in run(check)
 
 

@@ -21,11 +21,13 @@ static const pliant_input INPUTS[] = {{"pressure_pa", 0, 0, 15000, 20000}};
 static const pliant_output OUTPUTS[] = {{"angle_rad", -2.6f, 2.6f}};
 static const pliant_bench BENCH = {"emulator", INPUTS, 1, OUTPUTS, 1, 500};
 
+#define CLOSED_MS 2000u /* it ends so long after its connection was closed, vented by then */
+
 static FILE *log_file;
 static uint32_t step_ms, virtual_ms;
 static double pressure_pa, angle_rad;
 static unsigned char bytes[256];
-static int byte_count, byte_next, line_ended, is_hung_up;
+static int byte_count, byte_next, line_ended, is_hung_up, is_closed;
 static uint64_t start_ms, heard_ms;
 static volatile sig_atomic_t ended;
 
@@ -57,6 +59,7 @@ int pliant_serial_read(void) {
     int is_waiting = poll(&input, 1, 0) > 0;
     ssize_t n = is_waiting ? read(STDIN_FILENO, bytes, sizeof bytes) : 0;
     is_hung_up = is_waiting && n <= 0;
+    is_closed = is_waiting && n == 0; /* a TCP connection; a terminal may be opened again */
     if (n <= 0) return -1;
     byte_next = 0;
     byte_count = (int)n;
@@ -100,7 +103,7 @@ int main(int argc, char **argv) {
   heard_ms = start_ms;
   uint64_t passed_ms = start_ms;
   pliant_setup(&BENCH);
-  while (!ended && clock_ms() - heard_ms < idle_ms) {
+  while (!ended && clock_ms() - heard_ms < (is_closed ? CLOSED_MS : idle_ms)) {
     struct pollfd input = {STDIN_FILENO, POLLIN, 0};
     if (is_hung_up) usleep(1000); /* no bytes come, time goes on */
     else if (byte_next >= byte_count) poll(&input, 1, 1);
@@ -117,7 +120,7 @@ int main(int argc, char **argv) {
       pass(1e-3);
       pliant_loop();
     }
-    if (!step_ms) fflush(log_file);
+    fflush(log_file);
   }
   fclose(log_file);
   return 0;
