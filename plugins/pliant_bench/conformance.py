@@ -193,7 +193,7 @@ def performs_the_run_it_is_given(subject: Subject) -> None:
             sent, at_s = recording.commands[channel.name], recording.commanded_s
             path = [
                 np.interp(at_s + shift, protocol.time_s, protocol.commands[channel.name])
-                for shift in (-PERIOD_S, 0.0, PERIOD_S)
+                for shift in (-2 * PERIOD_S, 0.0, PERIOD_S)
             ]
             slack = _slack(channel)
             require(

@@ -77,7 +77,7 @@ def test_a_run_over_a_good_line(serial_bench, hill, unwatched, kind):
     assert not any(one.problem for one in bench.check())
     protocol = hill(8e3, 2.0)
     done = bench.run(protocol, unwatched)
-    # The valve is read when it is on its way to the new command: it is where the last one sent it.
+    # The valve is read when it begins to move to the new command: it is where the last one sent it.
     before = np.concatenate([[0.0], protocol.commands["pressure_pa"][:-1]])
     assert done.commands["pressure_pa"] == pytest.approx(before, abs=0.01)
     assert done.ending == "complete" and done.readings["angle_rad"].max() == pytest.approx(0.31, abs=0.02)
@@ -217,7 +217,7 @@ def test_a_microcontroller_without_a_hello_refuses_to_follow(emulator_program, t
         bench = SerialBench(SerialConfig(port=device.port))
         bench.connect()
         client = bench._client
-        assert client.ask("X 100")[0] == "X"
+        assert client.ask("X 0 100")[0] == "X"
         assert client.ask("Q")[:2] == ["E", "request"] and client.ask("I 9")[:2] == ["E", "channel"]
         bench.close()
 

@@ -42,7 +42,8 @@ REFUSALS = {
 class LineBench(SampledBench):
     """A bench behind the line protocol; its channels and limits are those that the microcontroller states.
 
-    The microcontroller moves a valve toward its command within the rate, and tells where it is; this is recorded.
+    The microcontroller moves a valve to its command in a straight line that takes one sampling period, and tells where
+    it is, which is recorded: the path is that of the protocol, one period later, without steps.
     """
 
     config: LineBenchConfig
@@ -55,6 +56,7 @@ class LineBench(SampledBench):
         self._inputs: tuple[BenchChannel, ...] = ()
         self._outputs: tuple[BenchChannel, ...] = ()
         self._sent: dict[str, float] = {}
+        self._move_s = 0.0
         self._silence_s = np.inf
         self._device_s = -np.inf
         self._offset_s = np.inf
@@ -106,12 +108,16 @@ class LineBench(SampledBench):
                 f"Run '{protocol.name}' leaves {longest_s:g} s between two samples; the microcontroller vents after "
                 f"{self._silence_s:g} s without a line; sample every {0.5 * self._silence_s:g} s at least."
             )
-        return super().run(protocol, watch)
+        self._move_s = longest_s
+        try:
+            return super().run(protocol, watch)
+        finally:
+            self._move_s = 0.0
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, float]:
         client = self._connected()
         values = " ".join(f"{commands[channel.name]:.9g}" for channel in self._inputs)
-        answer = client.ask(f"X {values}")
+        answer = client.ask(f"X {round(1000 * self._move_s)} {values}")
         before, self._sent = self._sent, dict(commands)
         if answer is None:  # the valves are, as far as is known, where they were sent before
             self.age_s, self.set_age_s = 0.0, None
