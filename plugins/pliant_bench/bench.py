@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -175,10 +176,20 @@ class Bench(Configured[BenchConfig]):
     `connect` comes first, `close` last, `stop` at any time and from any thread. After `run` the inputs are at rest,
     however it ended.
 
-    `is_hardware` is false where nothing can move or burst.
+    `is_hardware` is false where nothing can move or burst. `study_limits` are those of the study, by input: the loop
+    sets them, and a run keeps the narrower ones.
     """
 
     is_hardware: ClassVar[bool] = True
+    study_limits: Mapping[str, ChannelLimits] = MappingProxyType({})
+
+    @property
+    def limited_inputs(self) -> tuple[BenchChannel, ...]:
+        """Return the inputs with the limits of the driver and of the study."""
+        return tuple(
+            replace(one, limits=one.limits.both(self.study_limits.get(one.name, ChannelLimits())))
+            for one in self.inputs
+        )
 
     @property
     @abstractmethod

@@ -51,6 +51,7 @@ def pliant_blocks() -> Iterable[Block]:
             description="limits and budget of `pliant experiment` (docs/connect_your_bench.md)",
             reader="experiment",
             fixed="it is the experiment",
+            check=f"{HERE}.checking:check_experiment",
         ),
     ]
 

@@ -104,7 +104,7 @@ class SampledBench(Bench):
 
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
         """Perform the run and return its recording; Ctrl-C and errors of `watch` are raised again after venting."""
-        inputs = self.inputs
+        inputs = self.limited_inputs
         check_protocol(protocol, inputs)
         samples: list[BenchSample] = []
         ending: Ending = "complete"

@@ -54,6 +54,7 @@ class KillingView(View):
 def loop(folder: Path, path: Path, view: View | None = None) -> tuple[Any, ExperimentFolder]:
     opened = api.open_study(path, store=folder.parent / "store")
     settings, bench = opened.study.experiment, opened.context.build("bench", opened.study.bench)
+    bench.study_limits = {name: one.limits(name) for name, one in settings.inputs.items()}
     bench.connect()
     experiment = ExperimentFolder(folder)
     experiment.begin({"study": opened.study.name})

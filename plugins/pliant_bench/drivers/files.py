@@ -98,7 +98,7 @@ class FilesBench(Bench):
         return tuple(ChannelCheck(channel.name, np.nan) for channel in (*self.inputs, *self.outputs))
 
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
-        check_protocol(protocol, self.inputs)
+        check_protocol(protocol, self.limited_inputs)
         stem = self.config.folder / _file_name(protocol.name)
         if self._recording(stem) is not None:
             raise UserError(f"A recording {stem.name}{RECORDED}.* is there before the run; take it away.")

@@ -48,7 +48,7 @@ def dry_run_document(
         return Document(
             kind="Pliant: a dry run", title=choice.why, sentence="Nothing is left to run.", data={}
         )
-    channels = planner.channels
+    channels = planner.bench.limited_inputs
     check_protocol(protocol, channels)
     corners = corner_table(protocol)
     asked = [words(name, value) for name, value in protocol.conditions.items()]

@@ -11,7 +11,7 @@ from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.pipeline.study import build_study_chain
 from pliant.records.measurement import Measurement
-from pliant_bench.bench import Bench, BenchChannel, BenchProtocol
+from pliant_bench.bench import Bench, BenchProtocol
 from pliant_bench.choose import Choice, SearchEffort, choose_next, first_runs
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.protocol_space import ProtocolSpace
@@ -33,11 +33,6 @@ class TellingPlanner:
     settings: ExperimentConfig
     bench: Bench
     effort: SearchEffort | None = None
-
-    @property
-    def channels(self) -> tuple[BenchChannel, ...]:
-        """Return the inputs of the bench, with the limits of the study and of the driver."""
-        return limited_inputs(self.settings, self.bench)
 
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition."""
@@ -67,11 +62,6 @@ class RandomPlanner:
     bench: Bench
     seed: int = 0
 
-    @property
-    def channels(self) -> tuple[BenchChannel, ...]:
-        """Return the inputs of the bench, with the limits of the study and of the driver."""
-        return limited_inputs(self.settings, self.bench)
-
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition."""
         return first_repeat(self.settings, self.bench)
@@ -92,8 +82,3 @@ def first_repeat(settings: ExperimentConfig, bench: Bench) -> Choice:
     protocol = first_runs(settings, bench.inputs)[0]
     minutes = protocol.duration_s / 60.0 + settings.set_up_minutes
     return Choice(protocol, "repeat", "Repeats of one condition show the noise of the bench.", 0.0, minutes)
-
-
-def limited_inputs(settings: ExperimentConfig, bench: Bench) -> tuple[BenchChannel, ...]:
-    """Return the inputs of a bench, with the limits of the study and of the driver."""
-    return tuple(axis.channel for axis in ProtocolSpace.from_settings(settings, bench.inputs).axes)

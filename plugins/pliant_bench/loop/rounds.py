@@ -17,7 +17,7 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.execution.executors import Workers
 from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_json
-from pliant_bench.bench import Bench, BenchChannel, BenchProtocol, BenchRecording, Watch
+from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.limits import check_protocol
@@ -37,11 +37,6 @@ MOST_STOPPED = 3
 
 class Planner(Protocol):
     """Who chooses the runs."""
-
-    @property
-    def channels(self) -> Sequence[BenchChannel]:
-        """Return the inputs of the bench, with the limits of the study and of the driver."""
-        ...
 
     def repeat(self, number: int) -> Choice:
         """Return a repeat of the first condition; `number` from 1."""
@@ -166,7 +161,7 @@ def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
 def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis | None) -> BenchRecording:
     protocol, plan = folder.read_protocol(), folder.read("plan") or {}
     asked = {**plan["setting"], **plan["conditions"]}
-    check_protocol(protocol, experiment.planner.channels)
+    check_protocol(protocol, experiment.bench.limited_inputs)
     before = setting([one for one in experiment.folder.rounds() if one.number < folder.number])
     stands = experiment.settings.standing | before
     changes = {name: value for name, value in asked.items() if stands.get(name) != value}
