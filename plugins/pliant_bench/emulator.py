@@ -22,8 +22,6 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 
 SOURCES = resources.files("pliant_bench") / "microcontroller"
-# Without a byte for this long a program ends: one that a test left, one that a user waits beside.
-ENDS_AFTER_S, ENDS_AFTER_AN_HOUR_S = 60, 3600
 
 
 def compile_emulator(folder: Path) -> Path:
@@ -49,17 +47,14 @@ class Emulator:
         log: file for the valve.
         step_ms: 0 for real time; else time passes by so much at each line.
         tcp: whether it is behind a TCP port instead of a pseudo-terminal.
-        idle_s: the program ends when no byte has come for this long.
 
     Attributes:
         port: name of the serial port, or number of the TCP port.
     """
 
-    def __init__(
-        self, program: Path, log: Path, step_ms: int = 0, tcp: bool = False, idle_s: int = ENDS_AFTER_S
-    ) -> None:
+    def __init__(self, program: Path, log: Path, step_ms: int = 0, tcp: bool = False) -> None:
         self.log = log
-        self._command = [str(program), str(log), str(step_ms), str(idle_s)]
+        self._command = [str(program), str(log), str(step_ms)]
         self._processes: list[subprocess.Popen[bytes]] = []
         self._terminal: int | None = None
         self._listener: socket.socket | None = None
@@ -139,7 +134,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent)
         program = compile_emulator(folder)
-        with Emulator(program, folder / "valve.log", idle_s=ENDS_AFTER_AN_HOUR_S) as emulator:
+        with Emulator(program, folder / "valve.log") as emulator:
             print(f"bench: {{kind: serial, port: {emulator.port}}}", flush=True)
             try:
                 while emulator.is_running:

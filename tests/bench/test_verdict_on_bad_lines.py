@@ -67,5 +67,5 @@ def test_a_bad_line_changes_no_verdict(kind: type[Any], emulator_program: Path, 
             threading.Thread(target=device.accept, daemon=True).start()
         found = verdict(kind((SocketConfig if tcp else SerialConfig)(port=device.port)), tmp_path)
         _, pressures = device.valve()
-    assert found["verdict"] == "missing_effect" and found["selected"] == ["supply_lag"]
+    assert found["verdict"] == "missing_effect" and found["selected"] == ["viscous_damping"]
     assert pressures.min() >= 0.0 and pressures.max() <= 12e3
