@@ -16,7 +16,7 @@ from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
 from pliant.testing import run_checks
 from pliant_bench.clock import AcceleratedClock
-from pliant_bench.conformance import small_run
+from pliant_bench.conformance_runs import small_run
 from pliant_bench.drivers.line_bench import REFUSALS
 from pliant_bench.emulator import SOURCES
 
