@@ -197,6 +197,10 @@ static void exchange(uint16_t sequence, char *rest) {
     }
     rest = end;
   }
+  if (*rest) {
+    refuse(sequence, "values");
+    return;
+  }
   for (uint8_t k = 0; k < bench->input_count; k++) move_to(k, value[k], seconds);
   state = ACTIVE;
   begin_answer(sequence, 'X');
