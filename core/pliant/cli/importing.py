@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -13,12 +12,8 @@ from pliant import api
 from pliant.cli.options import check_target, report_folder, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.loading import load_study
-from pliant.errors import UserError
 from pliant.measurements.block import files_and_notes
-from pliant.measurements.header import HalfError
 from pliant.measurements.study_file import write_study
-from pliant.records.measurement import Measurement
-from pliant.report.document import Document
 
 FILES = typer.Argument(metavar="FILE... [KEY=VALUE]...", help="The recording, and notes: rate='25 Hz'.")
 BASE = "What --out extends. Where it has a model, the recording has the columns of that model."
@@ -46,7 +41,7 @@ def import_(
         session.registry = base.registry(session.registry)
         measurement, document = api.read_for_model(api.OpenStudy(base, session.context()), paths, notes)
     else:
-        measurement, document = _read_for_chain(paths, notes)
+        measurement, document = api.read(paths, notes)
     folder = report or Path("runs") / f"{_plain_name(paths[0])}-import"
     check_writable(folder)
     session.show(document, folder)
@@ -54,19 +49,6 @@ def import_(
         write_study(out, measurement, document.data["measurements"], study, session.installed)
         session.result["study"] = str(out)
         session.say(f"study    {out}")
-
-
-def _read_for_chain(paths: Sequence[str], notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
-    """Return a recording of a chain; raise `UserError` with what else it may be."""
-    try:
-        return api.read(list(paths), notes)
-    except HalfError as error:
-        if error.lacks != "inputs":
-            raise
-        raise UserError(
-            f"{error}\nA recording for a model of your own has the columns of its study: "
-            f"pliant import {paths[0]} --study STUDY.yaml"
-        ) from None
 
 
 def _plain_name(path: Path | str) -> str:
