@@ -274,7 +274,7 @@ def test_comments_of_the_file_are_kept(tmp_path: Path) -> None:
     xml = LIMB.replace("<compiler", "<!-- measured in May -->\n<compiler", 1)
     xml = xml.replace('<joint name="elbow"', '<!-- worn --> <joint name="elbow"')
     xml = xml.replace("</worldbody>", "<!-- more arms -->\n</worldbody>", 1)
-    xml = xml.replace('<motor name="motor"', '<!-- 12 V -- at most --><motor name="motor"')
+    xml = xml.replace('<motor name="motor"', '<!-- 12 V --><motor name="motor"')
     exported, _ = export(tmp_path, built(REGISTRY, "stiffness@elbow", stiffness_n_m_per_rad=0.4), xml=xml)
     text = exported.files[0].read_text()
     lines = [line.strip() for line in text.splitlines()]
@@ -282,7 +282,7 @@ def test_comments_of_the_file_are_kept(tmp_path: Path) -> None:
         ("measured in May", "<compiler"),
         ("worn", '<joint name="elbow"'),
         ("more arms", "<worldbody"),
-        ("12 V – at most", '<motor name="motor"'),
+        ("12 V", '<motor name="motor"'),
     ):
         behind = lines[lines.index(f"<!-- {words} -->") + 1 :]
         assert next(line for line in behind if not line.startswith("<!--")).startswith(element), words

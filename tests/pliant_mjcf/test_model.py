@@ -376,7 +376,7 @@ def test_a_coarse_time_step_is_said(tmp_path: Path) -> None:
     change = half["angle_rad"] - simulated(coarse, push)["angle_rad"]
     assert coarse.step_error([push])["angle_rad"] == pytest.approx(np.sqrt(np.mean(change**2)))
     rows = zip(TIME, np.sin(6.0 * TIME), simulated(fine, push)["angle_rad"], strict=True)
-    noise = np.random.default_rng(0).normal(0.0, 1e-3, len(TIME))
+    noise = np.random.default_rng(0).normal(0.0, 2e-4, len(TIME))
     lines = [f"{t:.3f},{u:.6f},{a + e:.6f}" for (t, u, a), e in zip(rows, noise, strict=True)]
     (tmp_path / "bench.csv").write_text("\n".join(["time_s,drive_n_m,angle_rad", *lines]) + "\n")
     remarks = {}

@@ -50,6 +50,7 @@ from pliant.evidence.error_bins import Residuals
 from pliant.evidence.excess import Excess
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.opening import measured_model
+from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.formatting import percent
@@ -211,7 +212,9 @@ class _Walk:
             return "most_steps", f"{most_steps} effects are the most that are added in one go."
         forms = self.forms | set(proposal.forms)
         whole = extend(self.ground, self.effects, [*self.added, *order], forms=forms, profiles=False)
-        sure = SURE if proposal.cause == "open" else 1.0
+        # of chains every effect of a set that predicts better is kept, as their published results were
+        own_model = not isinstance(self.ground.predictor, Predictor)
+        sure = SURE if own_model and proposal.cause == "open" else 1.0
         if not self._gains(whole, sure):
             return "no_gain", (
                 f"Adding {' and '.join(order)} lowers the error of the runs that it is fitted to, but not that of "
@@ -220,7 +223,7 @@ class _Walk:
         self.forms = forms
         for number, kind in enumerate(order):
             found = whole if len(order) == 1 else self._with(kind)
-            if number and not self._gains(found, sure):
+            if number and own_model and not self._gains(found, sure):
                 break  # the set earns itself by its first effects
             self._take(kind, proposal, found)
         return "", ""
