@@ -282,7 +282,7 @@ def test_comments_of_the_file_are_kept(tmp_path: Path) -> None:
         ("measured in May", "<compiler"),
         ("worn", '<joint name="elbow"'),
         ("more arms", "<worldbody"),
-        ("12 V", '<motor name="motor"'),
+        ("12 V", '<general name="motor"'),
     ):
         behind = lines[lines.index(f"<!-- {words} -->") + 1 :]
         assert next(line for line in behind if not line.startswith("<!--")).startswith(element), words

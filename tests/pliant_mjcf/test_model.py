@@ -370,7 +370,7 @@ def test_remarks(tmp_path: Path) -> None:
 def test_a_coarse_time_step_is_said(tmp_path: Path) -> None:
     """The recording comes from a short step; a file with a long one is off by more than the noise."""
     push = drive(TIME, {"angle_rad": 0.0}, drive_n_m=np.sin(6.0 * TIME))
-    fine = model_of(tmp_path, pendulum(step=0.0005), "fine.xml")
+    fine = model_of(tmp_path, pendulum(step=0.0005, integrator="Euler"), "fine.xml")
     half = simulated(model_of(tmp_path, pendulum(step=0.01, integrator="Euler"), "half.xml"), push)
     coarse = model_of(tmp_path, pendulum(step=0.02, integrator="Euler"), "coarse.xml")
     change = half["angle_rad"] - simulated(coarse, push)["angle_rad"]

@@ -14,6 +14,19 @@ from xml.etree import ElementTree
 from pliant_mjcf.export.mjcf_text import Key, element_keys
 
 COMMENT, ROOT = ElementTree.Comment, "mujoco"
+# Actuators that MuJoCo writes in their general form.
+GENERAL = "general"
+SHORTCUTS = (
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +67,7 @@ def _collect(
     """Add the comments among the children of an element; `path` and `around` are the elements that it is in."""
     own = _own(element)
     here = (*path, own)
-    keys = (_key(path, own, element), *around)
+    keys = (*_keys_of(path, element), *around)
     children = list(element)
     for k, child in enumerate(children):
         if child.tag is not COMMENT:
@@ -62,7 +75,7 @@ def _collect(
             continue
         words = " ".join((child.text or "").split())
         following = next((other for other in children[k + 1 :] if other.tag is not COMMENT), None)
-        nearest = () if following is None else (_key(here, _own(following), following),)
+        nearest = () if following is None else _keys_of(here, following)
         if words:
             found.append(Remembered(words, (*nearest, *keys)))
 
@@ -72,6 +85,10 @@ def _own(element: ElementTree.Element) -> str:
     return f"{element.tag} {name}" if name else str(element.tag)
 
 
-def _key(path: tuple[str, ...], own: str, element: ElementTree.Element) -> Key:
-    named = element.get("name") or element.get("class")
-    return (own,) if named else (*path, own)
+def _keys_of(path: tuple[str, ...], element: ElementTree.Element) -> tuple[Key, ...]:
+    """Return the key of an element, and that of the form in which MuJoCo may write it."""
+    name = element.get("name") or element.get("class")
+    if not name:
+        return ((*path, _own(element)),)
+    general = ((f"{GENERAL} {name}",),) if element.tag in SHORTCUTS else ()
+    return ((_own(element),), *general)
