@@ -31,6 +31,8 @@ from pliant.interfaces.effect import AT
 LEADING, EXPLAINING = 2, 4
 # How many kinds at single places are screened with slopes and fitted, and the share of the best gain that each needs.
 MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
+# The same share where the change at one strength alone is looked at.
+LEAST_ALONE = 0.05
 
 
 def kinds_at_places(
@@ -74,7 +76,9 @@ def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: E
     with JobQueue(executor, search.fitter.residual_from) as queue:
         changes = [residual - one.unwrap() for one in queue.each(asked)]
     gains = {kind: explained_by_columns(residual, c[:, None]) for kind, c in zip(kinds, changes, strict=True)}
-    return sorted(gains, key=lambda kind: -gains[kind])[:MOST_SCREENED]
+    least = LEAST_ALONE * max(gains.values(), default=0.0)
+    likely = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
+    return likely[:MOST_SCREENED]
 
 
 def _explained_by_output(search: HypothesisSearch, kind: str) -> float:
