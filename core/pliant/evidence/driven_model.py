@@ -41,6 +41,8 @@ MOST_PLACES = 40
 FACTORS = (1.0, 10.0, 100.0)
 # Places of effects outside the system.
 SIGNALS = ("input", "output")
+# Effects whose places are numbers of a model.
+OWN_NUMBERS = ("parameter", "state")
 # Samples of each run in which it is checked whether an effect can act.
 CHECKED = 3
 # Change of an output with half the time step, over the noise, from which it is said.
@@ -130,7 +132,7 @@ class DrivenModel(MeasuredModel):
         return [*super().remarks, *self.system.remarks(drives), *self._coarse_steps(drives)]
 
     def _coarse_steps(self, drives: Sequence[Drive]) -> list[str]:
-        """Return a remark if the model's own time step changes an output of the longest run beyond the noise."""
+        """Return a remark if the model's own time step changes an output of the fastest run beyond the noise."""
         if not drives:
             return []
         fastest = max(drives, key=self._pace)
@@ -280,7 +282,9 @@ class DrivenModel(MeasuredModel):
         self, base: Prediction, effects: Sequence[EffectConfig], towards: Sequence[EffectConfig]
     ) -> tuple[RunReadings, ...]:
         """Return the change of the readings, from a difference over a step with a small error."""
-        key, steps = _steps(effects, towards)
+        (kind, name), steps = _steps(effects, towards)
+        # places of one kind share a step; of a model's own numbers each has another size
+        key = (kind if kind.partition(AT)[0] in OWN_NUMBERS else kind.partition(AT)[0], name)
         with self._lock:
             known = self._factors.get(key)
         if known is not None:
@@ -351,7 +355,7 @@ def _steps(
                 if one.bounds[0] <= there <= one.bounds[1]:
                     changed = before.model_copy(update={one.name: there})
                     steps[factor] = (*effects[:k], changed, *effects[k + 1 :])
-            return (before.kind.partition(AT)[0], one.name), steps
+            return (before.kind, one.name), steps
     return ("", ""), {1.0: tuple(towards)}
 
 
