@@ -43,8 +43,8 @@ FACTORS = (1.0, 10.0, 100.0)
 SIGNALS = ("input", "output")
 # Effects whose places are numbers of a model.
 OWN_NUMBERS = ("parameter", "state")
-# Samples of each run in which it is checked whether an effect can act.
-CHECKED = 3
+# Samples at least in which steps of differences are chosen.
+FEWEST_STEPPED = 3
 # Change of an output with half the time step, over the noise, from which it is said.
 COARSE = 0.5
 # Share of the longest run in which steps of differences are chosen.
@@ -229,9 +229,9 @@ class DrivenModel(MeasuredModel):
         return Prediction(runs, failed_samples(runs))
 
     def check(self, effects: Sequence[EffectConfig]) -> None:
-        """Raise `UserError` for effects that this system refuses, from the first samples of each run."""
-        runs = tuple(run.at(np.arange(min(CHECKED, len(run)))) for run in self.measurement.runs)
-        self.for_runs(replace(self.measurement, runs=runs)).evaluate(effects)
+        """Raise `UserError` for effects that this system refuses in the shortest run."""
+        shortest = min(self.measurement.runs, key=len)
+        self.for_runs(replace(self.measurement, runs=(shortest,))).evaluate(effects)
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
@@ -299,7 +299,7 @@ class DrivenModel(MeasuredModel):
     def _short_run(self) -> Self:
         """Return the same system, driven by the beginning of the longest run alone."""
         longest = max(self.measurement.runs, key=len)
-        begin = longest.at(np.arange(max(int(STEPPED * len(longest)), min(CHECKED, len(longest)))))
+        begin = longest.at(np.arange(max(int(STEPPED * len(longest)), min(FEWEST_STEPPED, len(longest)))))
         return self.for_runs(replace(self.measurement, runs=(begin,)))
 
     def _best_step(
