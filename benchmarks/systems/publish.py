@@ -179,6 +179,9 @@ def systems(data: dict[str, Any]) -> Iterator[str]:
 
 def beside(data: dict[str, Any]) -> Iterator[str]:
     """Errors on held-out runs in σ, after mujoco.sysid and after Pliant."""
+    if not data["beside"]:
+        yield "No set has been run to its end with this code."
+        return
     names = ("stated", "sysid", "extend", "improve")
     rows = (
         (
