@@ -93,6 +93,9 @@ def export(
         float,
         typer.Option("--scale", help="stl: the file's lengths are metres times this; 1000 for millimetres."),
     ] = 1.0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite files of an exported model that are there already.")
+    ] = False,
 ) -> None:
     """Export the robot as MJCF or URDF with its law and surfaces, its law alone, or its surface as STL.
 
@@ -100,7 +103,7 @@ def export(
     reader. The law alone is written as C, NumPy, torch, JAX or JSON. Each has a check file `FILE.check.json` with the
     study's predictions. An STL of one module needs no FEM. The format reachable writes where the tip can go, as a table
     and as a picture. A study with a `model` of its own writes that model with its effects: an MJCF with a module for
-    what MJCF cannot say and a check file, or parameters.csv.
+    what MJCF cannot say and a check file, or parameters.csv; files that are there already stay without --force.
     """
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
@@ -110,7 +113,7 @@ def export(
             raise UserError(
                 "--format, --part and --scale are for chains of modules; the ending of --out decides for other models."
             )
-        export_system(session, loaded, out)
+        export_system(session, loaded, out, force)
         return
     wanted = (form or out.suffix.removeprefix(".")).lower()
     wanted = FORMATS.get(wanted, wanted)
