@@ -5,9 +5,10 @@
     python -m benchmarks.bench.closed_loop --sealed            judged truths, drawn for this code; in the ledger
     python -m benchmarks.bench.closed_loop --summarise         the table of the results that are there
 
-Every truth is met by three planners with the same bench, budget and stop rule: chosen runs, random runs of the same
-space, and the runs of the rich protocol in their order. Minutes contain motion, setting up and a person's work. The
-whole rich protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
+Every truth is met by three planners with the same bench and budget: chosen runs, random runs of the same space, and the
+runs of the rich protocol in their order. All end when a verdict holds; the planners that are compared also end when a
+judge sees that it is right, strictly or by class. Minutes contain motion, setting up and a person's work. The whole rich
+protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ[
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
-from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, rich_minutes
+from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, UntilRight, rich_minutes
 from benchmarks.bench.bed_bench import BedBench
 from benchmarks.bench.loop_tasks import LoopPlan, experiment
 from benchmarks.evidence import ledger, seal
@@ -38,6 +39,8 @@ from benchmarks.evidence.tasks import Task
 from benchmarks.output import OUT, make_parser
 
 from pliant import api
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.report.diagnosis import diagnosis_json
 from pliant.store.store import write_atomically
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody
@@ -60,16 +63,21 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> Path:
     return study
 
 
-def perform(arm: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path) -> dict[str, Any]:
+def perform(
+    arm: str, group: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path
+) -> dict[str, Any]:
     """Run the loop with one planner until it ends, and return its verdict and its minutes."""
     opened = api.open_study(study, store=folder / "store")
     bench = BedBench.from_label(label, seed)
     settings = experiment(bench.robot)
-    planner: Planner = {
-        "chosen": lambda: TellingPlanner(opened, settings, bench),
-        "random": lambda: RandomRuns(settings, bench),
-        "rich": lambda: RichRuns(settings, bench),
-    }[arm]()
+
+    def right(diagnosis: Diagnosis) -> bool:
+        return is_right(judge(group, dict(label), {"result": diagnosis_json(diagnosis), "wall_s": 0.0}))
+
+    planner: Planner = TellingPlanner(opened, settings, bench)
+    if arm != "chosen":
+        compared = RandomRuns(settings, bench) if arm == "random" else RichRuns(settings, bench)
+        planner = UntilRight(compared, right, settings.rounds)
     experiments = ExperimentFolder(folder / "experiment")
     started, cpu = time.perf_counter(), time.process_time()
     ended = run_rounds(
@@ -128,7 +136,7 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
                 label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
                 with tempfile.TemporaryDirectory() as scratch:
                     seed = ARMS.index(arm) + 10 * task.spec.seed
-                    line |= perform(arm, study, label, seed, Path(scratch))
+                    line |= perform(arm, task.group, study, label, seed, Path(scratch))
             except Exception as error:
                 line |= {"error": f"{type(error).__name__}: {error}", "wall_s": 0.0}
             append(results, line)
