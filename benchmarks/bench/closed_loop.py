@@ -7,8 +7,8 @@
 
 Every truth is met by three planners with the same bench and budget: chosen runs, random runs of the same space, and the
 runs of the rich protocol in their order. All end when a verdict holds; the planners that are compared also end when a
-judge sees that it is right, strictly or by class. Minutes contain motion, setting up and a person's work. The whole rich
-protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
+judge sees that it is right, strictly or by class. Minutes contain motion, setting up and a person's work. The whole
+rich protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
 """
 
 from __future__ import annotations
