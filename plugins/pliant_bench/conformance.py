@@ -6,113 +6,30 @@ They move the inputs by a tenth of their range. Without a bench at the address o
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.testing import CheckSkipped, Finding, Subject, agree, require, require_refused
-from pliant.units import si_unit
+from pliant.testing import Finding, Subject, require, require_refused
 from pliant_bench.bench import (
     Bench,
-    BenchChannel,
-    BenchProtocol,
-    BenchRecording,
     BenchSample,
     RunStoppedError,
 )
-from pliant_bench.ramps import shaped
-from pliant_bench.sampled import SampledBench
-from pliant_bench.watchdog import Watchdog, WatchdogConfig
+from pliant_bench.conformance_runs import (
+    PERIOD_S,
+    SHARE,
+    performed,
+    require_rest,
+    rounding_of,
+    small_run,
+    with_bench,
+)
 
-PERIOD_S, HOLD_S = 0.02, 0.6
-SHARE = 0.1  # of the range of an input
-SILENCE_S = 0.5
 REASON = "The check ends the run here."
-# Changes of an input without a range, which only a simulated bench may have.
-SMALL, SMALL_OTHERWISE = {"Pa": 1e3, "N": 1.0}, 1e-2
 STOP_AT = 10  # the sample at which a run is stopped
-
-
-def connected(subject: Subject) -> Bench:
-    """Return the bench of the config, connected; skip the check where there is none."""
-    bench: Bench = subject.build()
-    try:
-        bench.connect()
-    except UserError as error:
-        raise CheckSkipped(f"there is no bench: {error}") from None
-    return bench
-
-
-def with_bench(subject: Subject, act: Callable[[Bench], None]) -> None:
-    """Call a function with the connected bench, and close it."""
-    bench = connected(subject)
-    if bench.is_hardware and not isinstance(bench, SampledBench):
-        bench.close()
-        raise CheckSkipped(f"{subject.component.label} lets other software perform its runs")
-    try:
-        act(bench)
-    except BaseException:
-        with suppress(Exception):  # the first error says more
-            bench.close()
-        raise
-    bench.close()
-
-
-def small_run(bench: Bench, share: float = SHARE, hold_s: float = HOLD_S) -> BenchProtocol:
-    """Return a run in which every input goes to a share of its range and back to rest, within its limits."""
-    time_s = PERIOD_S * np.arange(round(2 * hold_s / PERIOD_S), dtype=float)
-    commands = {}
-    for channel in bench.inputs:
-        limits = channel.limits
-        if np.isfinite(limits.low) and np.isfinite(limits.high):
-            far = max((limits.low, limits.high), key=lambda end: abs(end - channel.rest))
-            level = channel.rest + share * (far - channel.rest)
-        else:
-            level = channel.rest + SMALL.get(si_unit(channel.name), SMALL_OTHERWISE)
-        commands[channel.name] = np.where(time_s < hold_s, level, channel.rest)
-    return shaped(BenchProtocol("small", "a tenth of every range", time_s, commands), bench.inputs)
-
-
-@dataclass(frozen=True, eq=False)
-class Performed:
-    """A run, its recording and what the watch saw."""
-
-    protocol: BenchProtocol
-    recording: BenchRecording
-    samples: tuple[BenchSample, ...]
-
-
-def performed(bench: Bench, protocol: BenchProtocol | None = None) -> Performed:
-    """Perform a run to its end, under a watchdog; raise `Finding` if it does not get there."""
-    asked = small_run(bench) if protocol is None else protocol
-    watchdog, seen = Watchdog(asked, WatchdogConfig(SILENCE_S)), list[BenchSample]()
-
-    def watch(sample: BenchSample) -> None:
-        seen.append(sample)
-        watchdog(sample)
-
-    recording = bench.run(asked, watch)
-    require(
-        recording.ending == "complete",
-        f"the run ended as '{recording.ending}' after {len(recording)} of {len(asked)} samples: {recording.reason}",
-    )
-    return Performed(asked, recording, tuple(seen))
-
-
-def require_rest(bench: Bench) -> None:
-    """Raise `Finding` unless every input is at rest."""
-    values = {one.name: one.value for one in bench.check()}
-    for channel in bench.inputs:
-        agree(
-            values[channel.name],
-            channel.rest,
-            f"{channel.name} is not at rest after the run",
-            atol=_slack(channel),
-        )
 
 
 def channels_are_named_and_limited(subject: Subject) -> None:
@@ -193,9 +110,9 @@ def performs_the_run_it_is_given(subject: Subject) -> None:
             sent, at_s = recording.commands[channel.name], recording.commanded_s
             path = [
                 np.interp(at_s + shift, protocol.time_s, protocol.commands[channel.name])
-                for shift in (-PERIOD_S, 0.0, PERIOD_S)
+                for shift in (-2 * PERIOD_S, 0.0, PERIOD_S)
             ]
-            slack = _slack(channel)
+            slack = rounding_of(channel)
             require(
                 np.all((sent >= np.min(path, axis=0) - slack) & (sent <= np.max(path, axis=0) + slack)),
                 f"other commands of {channel.name} were recorded than asked for",
@@ -353,9 +270,3 @@ def stops_from_another_thread(subject: Subject) -> None:
 
 def _never(sample: BenchSample) -> None:
     raise Finding("a run that is not allowed was begun")
-
-
-def _slack(channel: BenchChannel) -> float:
-    """Return the error of a value that is no error of the driver."""
-    span = channel.limits.high - channel.limits.low
-    return 1e-3 * (span if np.isfinite(span) else SMALL.get(si_unit(channel.name), SMALL_OTHERWISE))

@@ -22,7 +22,6 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 
 SOURCES = resources.files("pliant_bench") / "microcontroller"
-ENDS_AFTER_S = 3600  # without a byte
 
 
 def compile_emulator(folder: Path) -> Path:
@@ -55,8 +54,9 @@ class Emulator:
 
     def __init__(self, program: Path, log: Path, step_ms: int = 0, tcp: bool = False) -> None:
         self.log = log
-        self._command = [str(program), str(log), str(step_ms), str(ENDS_AFTER_S)]
-        self._process: subprocess.Popen[bytes] | None = None
+        self._command = [str(program), str(log), str(step_ms)]
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._terminal: int | None = None
         self._listener: socket.socket | None = None
         self.port = self._listen() if tcp else self._open_terminal()
 
@@ -71,7 +71,7 @@ class Emulator:
     @property
     def is_running(self) -> bool:
         """Return whether the program runs."""
-        return self._process is not None and self._process.poll() is None
+        return any(process.poll() is None for process in self._processes)
 
     def accept(self) -> None:
         """Wait for a TCP connection, which becomes the line."""
@@ -99,14 +99,17 @@ class Emulator:
 
     def close(self) -> None:
         """End the program."""
-        if self._process is not None:
-            self._process.terminate()
-            self._process.wait()
+        for process in self._processes:
+            process.terminate()
+            process.wait()
         if self._listener is not None:
             self._listener.close()
+        if self._terminal is not None:
+            os.close(self._terminal)
+            self._terminal = None
 
     def _start(self, line: int) -> None:
-        self._process = subprocess.Popen(self._command, stdin=line, stdout=line)
+        self._processes.append(subprocess.Popen(self._command, stdin=line, stdout=line))
 
     def _open_terminal(self) -> str:
         import pty
@@ -130,7 +133,8 @@ def main() -> None:
     """Run an emulated microcontroller until Ctrl-C."""
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent)
-        with Emulator(compile_emulator(folder), folder / "valve.log") as emulator:
+        program = compile_emulator(folder)
+        with Emulator(program, folder / "valve.log") as emulator:
             print(f"bench: {{kind: serial, port: {emulator.port}}}", flush=True)
             try:
                 while emulator.is_running:

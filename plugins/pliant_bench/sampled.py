@@ -6,12 +6,11 @@ due, checks it against the limits once more, marks late samples, and vents howev
 
 from __future__ import annotations
 
-import queue
 import threading
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from pliant_bench.bench import (
     Watch,
 )
 from pliant_bench.clock import Clock, RealClock
+from pliant_bench.driver_thread import DriverThread, call_driver
 from pliant_bench.limits import CommandGuard, check_protocol
 
 CHECK_SAMPLES, CHECK_PERIOD_S = 5, 0.1
@@ -46,11 +46,13 @@ class SampledBench(Bench):
         stall_s: the longest time that `exchange` and `vent` may take; an exchange that takes longer is given up and the
             bench is vented meanwhile, from another thread than the one that hangs. None runs them in the calling
             thread, for benches that cannot hang.
-        age_s: how long before the return of `exchange` the outputs were read; a driver that knows it sets it.
+        age_s: how long before the return of `exchange` the outputs were read, where the driver knows it.
+        set_age_s: the same of the inputs; None where they are set when `exchange` is called.
     """
 
     stall_s: float | None = 1.0
     age_s: float = 0.0
+    set_age_s: float | None = None
 
     def __init__(self, config: BenchConfig) -> None:
         super().__init__(config)
@@ -63,6 +65,9 @@ class SampledBench(Bench):
     @abstractmethod
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, float]:
         """Set every input and read every output once, SI; an output without a reading is NaN or missing.
+
+        A bench that knows the present value of an input, such as a valve on its way, returns it as well; it is recorded
+        in place of the command.
 
         Raises:
             ConnectionLostError: the bench no longer answers and will not again.
@@ -88,40 +93,40 @@ class SampledBench(Bench):
         return (*inputs, *(_checked(channel, readings) for channel in self.outputs))
 
     def _readings_at_rest(self) -> list[Mapping[str, float]]:
-        _within(self.stall_s, self.vent)
+        call_driver(self.stall_s, self.vent)
         rest = {channel.name: channel.rest for channel in self.inputs}
         readings: list[Mapping[str, float]] = []
         for _ in range(CHECK_SAMPLES):
             self.clock.sleep_until(self.clock.now() + CHECK_PERIOD_S)
-            readings.append(_within(self.stall_s, partial(self.exchange, rest)))
-        _within(self.stall_s, self.vent)
+            readings.append(call_driver(self.stall_s, partial(self.exchange, rest)))
+        call_driver(self.stall_s, self.vent)
         return readings
 
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
-        """Perform the run and return its recording; Ctrl-C and errors of `watch` are raised again after venting."""
+        """Perform the run and return its recording.
+
+        Raises:
+            UserError: the run is not allowed, or was ended by another error and the bench could not be vented.
+            KeyboardInterrupt: and every other error of `watch`, after venting.
+        """
         inputs = self.limited_inputs
         check_protocol(protocol, inputs)
         samples: list[BenchSample] = []
-        ending: Ending = "complete"
-        reason = ""
         self._stopping.clear()
         self._idle.clear()
         self._running_in = threading.get_ident()
         try:
-            try:
-                self._perform(protocol, inputs, watch, samples)
-            except RunStoppedError as stopped:
-                ending = "lost" if isinstance(stopped, ConnectionLostError) else "stopped"
-                reason = str(stopped)
-            except OSError as error:
-                ending, reason = "lost", f"The connection to the bench was lost ({_cause(error)})."
-            finally:
-                unvented = self._vent_surely()
+            ending, reason = self._performed(protocol, inputs, watch, samples)
+        except BaseException as error:
+            if unvented := self._vent_surely():
+                raise UserError(unvented) from error
+            raise
+        else:
+            if unvented := self._vent_surely():
+                ending, reason = "lost", f"{reason} {unvented}".strip()
         finally:
             self._running_in = None
             self._idle.set()
-        if unvented:
-            ending, reason = "lost", f"{reason} {unvented}".strip()
         return recorded(protocol, samples, self.outputs, ending, reason)
 
     def stop(self) -> None:
@@ -134,6 +139,24 @@ class SampledBench(Bench):
         else:
             self._idle.wait(STOP_S)
 
+    def _performed(
+        self,
+        protocol: BenchProtocol,
+        inputs: tuple[BenchChannel, ...],
+        watch: Watch,
+        samples: list[BenchSample],
+    ) -> tuple[Ending, str]:
+        """Perform the run up to its end, whatever ends it; return how and why it ended."""
+        try:
+            self._perform(protocol, inputs, watch, samples)
+        except ConnectionLostError as lost:
+            return "lost", str(lost)
+        except RunStoppedError as stopped:
+            return "stopped", str(stopped)
+        except OSError as error:
+            return "lost", f"The connection to the bench was lost ({_cause(error)})."
+        return "complete", ""
+
     def _perform(
         self,
         protocol: BenchProtocol,
@@ -141,38 +164,48 @@ class SampledBench(Bench):
         watch: Watch,
         samples: list[BenchSample],
     ) -> None:
+        """Send each command when it is due; a late one is that of the present time, so that no step is hurried."""
         times = np.asarray(protocol.time_s, float)
         periods = np.diff(times, append=2 * times[-1] - times[-2])
         guard = CommandGuard(inputs, float(periods.max()))
-        with _Worker(self.stall_s) as worker:
+        with DriverThread(self.stall_s) as worker:
             worker.call(self.vent, "did not vent")
             start_s, sent_s = self.clock.now(), 0.0
             for index, (due_s, period_s) in enumerate(zip(times.tolist(), periods.tolist(), strict=True)):
                 if self.clock.sleep_until(start_s + due_s, self._stopping):
                     raise RunStoppedError(STOPPED)
-                commanded_s = self.clock.now() - start_s
-                is_late = commanded_s > due_s + period_s
-                # The path at this instant; if late, at the present time, so that no step is made up in a hurry.
-                sent_s = max(sent_s, min(commanded_s, times[-1]) if is_late else due_s)
+                now_s = self.clock.now() - start_s
+                is_late = now_s > due_s + period_s
+                sent_s = max(sent_s, min(now_s, times[-1]) if is_late else due_s)
                 commands = _at(protocol, index, sent_s)
                 if violation := guard.admit(sent_s, commands):
                     raise RunStoppedError(
                         f"The run was stopped before a command that is not allowed: {violation}."
                     )
-                readings = worker.call(partial(self.exchange, commands), "did not answer")
-                read_s = max(commanded_s, self.clock.now() - start_s - self.age_s)
-                sample = BenchSample(
-                    index, commanded_s, read_s, commands, readings, is_late or read_s > due_s + period_s
-                )
-                samples.append(sample)
-                watch(sample)
+                sample = self._exchanged(worker, start_s, index, commands, due_s + period_s)
+                samples.append(replace(sample, late=is_late or sample.late))
+                watch(samples[-1])
+
+    def _exchanged(
+        self, worker: DriverThread, start_s: float, index: int, commands: dict[str, float], latest_s: float
+    ) -> BenchSample:
+        """Return the sample of one exchange; it is late if its command or reading came after `latest_s`."""
+        commanded_s = self.clock.now() - start_s
+        values = worker.call(partial(self.exchange, commands), "did not answer")
+        now_s = self.clock.now() - start_s
+        if self.set_age_s is not None:
+            commanded_s = max(commanded_s, now_s - self.set_age_s)
+        read_s = max(commanded_s, now_s - self.age_s)
+        present = {name: values.get(name, command) for name, command in commands.items()}
+        readings = {name: value for name, value in values.items() if name not in present}
+        return BenchSample(index, commanded_s, read_s, present, readings, max(commanded_s, read_s) > latest_s)
 
     def _vent_surely(self) -> str:
         """Vent, and again after an error or Ctrl-C; return a sentence where it failed."""
         cause, interruption = "", None
         for _ in range(VENT_ATTEMPTS):
             try:
-                _within(self.stall_s, self.vent)
+                call_driver(self.stall_s, self.vent)
             except KeyboardInterrupt as pressed:
                 interruption, cause = pressed, "Ctrl-C was pressed"
             except Exception as error:  # of a driver: any
@@ -185,53 +218,11 @@ class SampledBench(Bench):
         return f"The bench could not be vented ({cause}): vent it by hand." if cause else ""
 
 
-class _Worker:
-    """A thread that calls a driver, so that a call that hangs can be given up; without `stall_s` there is no thread."""
-
-    def __init__(self, stall_s: float | None) -> None:
-        self._stall_s = stall_s
-        self._calls: queue.SimpleQueue[Callable[[], Any] | None] = queue.SimpleQueue()
-        self._results: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
-
-    def __enter__(self) -> _Worker:
-        if self._stall_s is not None:
-            threading.Thread(target=self._work, name="pliant bench", daemon=True).start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._calls.put(None)
-
-    def call(self, function: Callable[[], Any], failure: str) -> Any:
-        """Return the result of a call, or raise its error or that it takes too long."""
-        if self._stall_s is None:
-            return function()
-        self._calls.put(function)
-        try:
-            result, error = self._results.get(timeout=self._stall_s)
-        except queue.Empty:
-            raise ConnectionLostError(f"The bench {failure} for {self._stall_s:g} s.") from None
-        if error is not None:
-            raise error
-        return result
-
-    def _work(self) -> None:
-        while (function := self._calls.get()) is not None:
-            try:
-                self._results.put((function(), None))
-            except BaseException as error:
-                self._results.put((None, error))
-
-
 def _cause(error: Exception) -> str:
     """Return the text of an error inside brackets."""
     text = (error.strerror or "") if isinstance(error, OSError) else ""
     text = (text or str(error) or type(error).__name__).rstrip(".")
     return text[:1].lower() + text[1:] if isinstance(error, RunStoppedError) else text
-
-
-def _within(stall_s: float | None, function: Callable[[], Any]) -> Any:
-    with _Worker(stall_s) as worker:
-        return worker.call(function, "did not answer")
 
 
 def _at(protocol: BenchProtocol, index: int, time_s: float) -> dict[str, float]:

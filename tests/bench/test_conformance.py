@@ -55,6 +55,7 @@ def test_without_a_bench_the_suite_checks_what_it_can(kind, tmp_path, monkeypatc
     assert len(skipped) < len(outcomes) / 2
 
 
+@pytest.mark.slow
 def test_the_emulated_microcontroller_passes_over_a_socket(emulator_program, tmp_path):
     connections = 20
     with Emulator(emulator_program, tmp_path / "valve.log", tcp=True) as device:

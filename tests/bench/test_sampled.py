@@ -141,6 +141,15 @@ def test_a_bench_that_cannot_be_vented_says_so(hill):
     )
 
 
+def test_a_bench_that_cannot_be_vented_after_ctrl_c_says_so(hill):
+    def watch(sample):
+        if sample.index == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(UserError, match="could not be vented .*: vent it by hand"):
+        Unventable().run(hill(), watch)
+
+
 def test_ctrl_c_during_venting_vents_again(hill):
     class Impatient(Plant):
         def vent(self):

@@ -8,7 +8,7 @@ import types
 from types import SimpleNamespace
 
 import pytest
-from tests.docs.pages import blocks, commands, page_text, run
+from tests.docs.pages import ROOT, blocks, commands, page_text, run
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
@@ -16,7 +16,7 @@ from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
 from pliant.testing import run_checks
 from pliant_bench.clock import AcceleratedClock
-from pliant_bench.conformance import small_run
+from pliant_bench.conformance_runs import small_run
 from pliant_bench.drivers.line_bench import REFUSALS
 from pliant_bench.emulator import SOURCES
 
@@ -138,8 +138,10 @@ def test_the_blocks_of_the_study_are_valid(tmp_path):
 def test_the_commands_of_the_page_exist(tmp_path, monkeypatch, rig):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig.py").write_text(MINIMAL.replace("5025", str(rig)))
-    (check,) = commands(PAGE)
-    assert "0 failed" in run(check)
+    (experiment,) = [one for one in commands(PAGE) if one.startswith("experiment examples/emulated_bench")]
+    assert load_study(ROOT / experiment.split()[1], discover()).block("bench").kind == "serial"
+    (check,) = [one for one in commands(PAGE) if one.startswith("check")]
+    assert "1 passed, 0 failed" in run(check, "--clause", "checks_every_channel")
 
 
 def test_every_refusal_and_request_of_the_sketch_is_documented():

@@ -40,7 +40,11 @@ REFUSALS = {
 
 
 class LineBench(SampledBench):
-    """A bench behind the line protocol; its channels and limits are those that the microcontroller states."""
+    """A bench behind the line protocol; its channels and limits are those that the microcontroller states.
+
+    The microcontroller moves a valve to its command in a straight line that takes one sampling period, and tells where
+    it is, which is recorded: the path is that of the protocol, one period later, without steps.
+    """
 
     config: LineBenchConfig
 
@@ -51,6 +55,8 @@ class LineBench(SampledBench):
         self._client: LineClient | None = None
         self._inputs: tuple[BenchChannel, ...] = ()
         self._outputs: tuple[BenchChannel, ...] = ()
+        self._sent: dict[str, float] = {}
+        self._move_s = 0.0
         self._silence_s = np.inf
         self._device_s = -np.inf
         self._offset_s = np.inf
@@ -99,17 +105,23 @@ class LineBench(SampledBench):
         longest_s = float(np.diff(protocol.time_s).max(initial=0.0))
         if longest_s > 0.5 * self._silence_s:
             raise UserError(
-                f"Run '{protocol.name}' leaves {longest_s:g} s between two samples, and the microcontroller vents after "
+                f"Run '{protocol.name}' leaves {longest_s:g} s between two samples; the microcontroller vents after "
                 f"{self._silence_s:g} s without a line; sample every {0.5 * self._silence_s:g} s at least."
             )
-        return super().run(protocol, watch)
+        self._move_s = longest_s
+        try:
+            return super().run(protocol, watch)
+        finally:
+            self._move_s = 0.0
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, float]:
         client = self._connected()
         values = " ".join(f"{commands[channel.name]:.9g}" for channel in self._inputs)
-        answer = client.ask(f"X {values}")
-        if answer is None:
-            return {}
+        answer = client.ask(f"X {round(1000 * self._move_s)} {values}")
+        before, self._sent = self._sent, dict(commands)
+        if answer is None:  # the valves are, as far as is known, where they were sent before
+            self.age_s, self.set_age_s = 0.0, None
+            return before
         if answer[0] == "E":
             raise RunStoppedError(
                 REFUSALS.get(answer[1], f"The microcontroller refused a command ({answer[1]}).")
@@ -121,12 +133,13 @@ class LineBench(SampledBench):
             )
         self._check_applied(numbers)
         self._place_in_time(device_ms / 1000)
-        names = (channel.name for channel in self._outputs)
-        return dict(zip(names, numbers[len(self._inputs) :], strict=True))
+        names = [channel.name for channel in (*self._inputs, *self._outputs)]
+        return dict(zip(names, numbers, strict=True))
 
     def vent(self) -> None:
         if self._client is None:
             return
+        self._sent = {channel.name: channel.rest for channel in self._inputs}
         if self._client.ask("V", self._vent_attempts) is None:
             raise ConnectionLostError("The microcontroller does not answer.")
 
@@ -199,7 +212,7 @@ class LineBench(SampledBench):
         passed_s = device_s - self._device_s if np.isfinite(self._device_s) else 0.0
         self._offset_s = min(self._offset_s + CLOCK_DRIFT * passed_s, now_s - device_s)
         self._device_s = device_s
-        self.age_s = now_s - device_s - self._offset_s
+        self.age_s = self.set_age_s = now_s - device_s - self._offset_s
 
 
 def _input(words: list[str]) -> BenchChannel:

@@ -15,7 +15,7 @@ enum { NEW, READY, ACTIVE, SILENT };
 
 static const pliant_bench *bench;
 static uint8_t state;
-static float target[PLIANT_MAX_INPUTS], valve[PLIANT_MAX_INPUTS];
+static float target[PLIANT_MAX_INPUTS], valve[PLIANT_MAX_INPUTS], speed[PLIANT_MAX_INPUTS]; /* per second */
 static uint32_t moved_ms, heard_ms;
 static uint16_t last_sequence;
 static uint32_t session;
@@ -116,7 +116,7 @@ static void move_valves(void) {
   if (passed_s > LONGEST_STEP_S) passed_s = LONGEST_STEP_S;
   for (uint8_t k = 0; k < bench->input_count; k++) {
     float change = target[k] - valve[k];
-    float most = bench->inputs[k].rate > 0 ? bench->inputs[k].rate * passed_s : fabsf(change);
+    float most = isinf(speed[k]) ? fabsf(change) : speed[k] * passed_s;
     if (change == 0 || most == 0) continue;
     valve[k] = fabsf(change) <= most ? target[k] : valve[k] + (change > 0 ? most : -most);
     pliant_write_valve(k, valve[k]);
@@ -169,8 +169,17 @@ static void tell_values(void) {
   for (uint8_t k = 0; k < bench->output_count; k++) put_field(pliant_read_sensor(k));
 }
 
+/* A straight line to the target in this time, or as fast as the rate allows. */
+static void move_to(uint8_t k, float value, float seconds) {
+  float most = bench->inputs[k].rate > 0 ? bench->inputs[k].rate : INFINITY;
+  float wanted = seconds > 0 ? fabsf(value - valve[k]) / seconds : INFINITY;
+  target[k] = value;
+  speed[k] = wanted < most ? wanted : most;
+}
+
 static void exchange(uint16_t sequence, char *rest) {
   float value[PLIANT_MAX_INPUTS];
+  float seconds = (float)strtoul(rest, &rest, 10) * 1e-3f;
   if (state == NEW || state == SILENT) {
     refuse(sequence, state == NEW ? "hello" : "silence");
     return;
@@ -188,7 +197,11 @@ static void exchange(uint16_t sequence, char *rest) {
     }
     rest = end;
   }
-  for (uint8_t k = 0; k < bench->input_count; k++) target[k] = value[k];
+  if (*rest) {
+    refuse(sequence, "values");
+    return;
+  }
+  for (uint8_t k = 0; k < bench->input_count; k++) move_to(k, value[k], seconds);
   state = ACTIVE;
   begin_answer(sequence, 'X');
   tell_values();

@@ -5,8 +5,9 @@
  * pliant_setup once and pliant_loop as often as possible.
  *
  * The valves are vented, all at once, when no line has come for `silence_ms`, so that a computer that hangs, is unplugged
- * or is switched off leaves no pressure behind. A value outside the range is refused. The rate is kept by moving the
- * valve toward its command step by step; venting does not wait for the rate. */
+ * or is switched off leaves no pressure behind. A value outside the range is refused. A valve moves
+ * to its command in a straight line, within the time that the computer states and never faster than the rate; venting
+ * does not wait for the rate. */
 
 #ifndef PLIANT_BENCH_H
 #define PLIANT_BENCH_H
