@@ -1,14 +1,13 @@
-"""What a next run has to tell apart: the explanations that are left, or a settled verdict and what could still be missing.
+"""What a next run has to tell apart: the explanations that are left, or the only one and what could still be missing.
 
-A verdict is settled where the runs so far leave one explanation. The next run should then be the one most likely to
-contradict it: the explanation alone competes with the explanation and one further effect of the list, each further
-effect at the parameters that the runs so far leave possible, those that they determine least first.
+Where one explanation has no rival, the next run should be the one most likely to contradict it: the explanation alone
+competes with the explanation and one further effect of the list, each further effect at the parameters that the runs so
+far leave possible, those that they determine least first.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,11 +17,17 @@ from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.effect_fit import EffectFit
 from pliant.diagnosis.evidence_table import NOTHING, Kinds
-from pliant.diagnosis.next_run import MOST_CONTENDERS, SMALL, Belief, information_matrix
+from pliant.diagnosis.next_run import MOST_CONTENDERS, Belief, information_matrix
 from pliant.registry.discovery import Registry
 
-# Probability of a settled explanation against all further effects together: even odds ask for the most telling run.
+# An explanation with less than this share of the largest probability is no rival.
+RIVAL = 0.05
+# Probability of an explanation without a rival against all further effects together: even odds.
 SETTLED = 0.5
+# Groups of further effects, those that the runs so far determine least first.
+MOST_GROUPS = 3
+# Verdicts that name a cause, or that nothing is missing.
+FINAL = ("missing_effect", "nothing_missing", "law_off", "unknown_effect")
 Purpose = Literal["decide", "expose"]
 
 
@@ -31,45 +36,56 @@ class Question:
     """What a run has to tell apart.
 
     Attributes:
-        purpose: decide between the explanations that are left, or expose what a settled one lacks.
-        belief: the contenders with their probabilities; assumed ones where the purpose is to expose.
+        purpose: decide between the explanations that are left, or expose what the only one lacks.
+        beliefs: contenders with their probabilities; to expose, a group of further effects each, with assumed ones.
     """
 
     purpose: Purpose
-    belief: Belief
+    beliefs: tuple[Belief, ...]
+
+    @property
+    def contenders(self) -> tuple[Kinds, ...]:
+        """Return all hypotheses, each once."""
+        return tuple(dict.fromkeys(kinds for belief in self.beliefs for kinds in belief.contenders))
 
 
 def question(diagnosis: Diagnosis, registry: Registry) -> Question:
     """Return what the next run has to tell apart."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
-    settled = diagnosis.verdict in ("missing_effect", "nothing_missing", "law_off", "unknown_effect")
-    if not settled and len(belief.contenders) > 1:
-        return Question("decide", belief)
+    shares = sorted((belief.probability[kinds] for kinds in belief.contenders), reverse=True)
+    if diagnosis.verdict not in FINAL and len(shares) > 1 and shares[1] >= RIVAL * shares[0]:
+        return Question("decide", (belief,))
     return exposing(diagnosis, registry)
 
 
 def exposing(diagnosis: Diagnosis, registry: Registry) -> Question:
-    """Return the question what the most probable explanation lacks."""
+    """Return the question what the most probable explanation lacks: all single effects, in groups."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
-    base = diagnosis.explained
-    rivals = [kinds for kinds in belief.contenders if kinds != base]
-    further = [kinds for kinds in _least_determined(diagnosis, belief) if not set(kinds) & set(base)]
-    fits = {base: diagnosis.fits[base]} | {kinds: diagnosis.fits[kinds] for kinds in rivals}
-    for kinds in further:
-        if len(fits) == MOST_CONTENDERS:
-            break
-        fits.setdefault((*base, *kinds), _added(diagnosis, base, kinds, registry))
-    others = max(len(fits) - 1, 1)
-    share = {kinds: SETTLED if kinds == base else max((1.0 - SETTLED) / others, SMALL) for kinds in fits}
-    plain = {NOTHING: diagnosis.fits[NOTHING]}
+    base, size = diagnosis.explained, MOST_CONTENDERS - 1
+    singles = [kinds for kinds in _least_determined(diagnosis, belief) if not set(kinds) & set(base)]
+    groups = [singles[k : k + size] for k in range(0, len(singles), size)]
     return Question(
-        "expose", Belief(plain | fits, share, belief.n_effective, belief.square, belief.thresholds)
+        "expose", tuple(_against(diagnosis, belief, base, one, registry) for one in groups[:MOST_GROUPS])
     )
+
+
+def _against(
+    diagnosis: Diagnosis, belief: Belief, base: Kinds, group: list[Kinds], registry: Registry
+) -> Belief:
+    """Return the explanation at even odds with itself and one effect of the group."""
+    fits = {base: diagnosis.fits[base]}
+    fits |= {
+        kinds if base == NOTHING else (*base, *kinds): _added(diagnosis, base, kinds, registry)
+        for kinds in group
+    }
+    odds = {kinds: SETTLED if kinds == base else (1.0 - SETTLED) / len(group) for kinds in fits}
+    plain = {NOTHING: diagnosis.fits[NOTHING]}
+    return Belief(plain | fits, odds, belief.n_effective, belief.square, belief.thresholds)
 
 
 def _least_determined(diagnosis: Diagnosis, belief: Belief) -> list[Kinds]:
     """Return the single effects, those first whose strength the runs so far restrict least."""
-    spread = {}
+    spread: dict[Kinds, float] = {}
     for kinds, fit in diagnosis.fits.items():
         if len(kinds) != 1 or not fit.candidate.parameters or not math.isfinite(fit.mean_square()):
             continue
@@ -80,7 +96,7 @@ def _least_determined(diagnosis: Diagnosis, belief: Belief) -> list[Kinds]:
 
 
 def _added(diagnosis: Diagnosis, base: Kinds, kinds: Kinds, registry: Registry) -> EffectFit:
-    """Return the fit of the explanation with one further effect; unless it was fitted, the effect begins at no strength."""
+    """Return the fit of the explanation with one further effect, which begins at no strength."""
     first, second = diagnosis.fits[base], diagnosis.fits[kinds]
     if base == NOTHING:
         return second
@@ -97,15 +113,3 @@ def _added(diagnosis: Diagnosis, base: Kinds, kinds: Kinds, registry: Registry) 
         (*first.at_limit, *second.at_limit),
         max(first.parts, second.parts),
     )
-
-
-def entropy_nats(probability: Mapping[Kinds, float]) -> float:
-    """Return the entropy of the hypotheses' probabilities."""
-    shares = np.array([value for value in probability.values() if value > 0.0])
-    shares = shares / shares.sum()
-    return float(-np.sum(shares * np.log(shares)))
-
-
-def obtained_nats(before: Diagnosis, after: Diagnosis) -> float:
-    """Return the information of the runs between two diagnoses: the fall of the entropy; negative where it rose."""
-    return entropy_nats(before.judgement.probability) - entropy_nats(after.judgement.probability)

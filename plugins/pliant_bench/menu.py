@@ -51,7 +51,7 @@ def menu_protocols(
 
 
 def _menu(model: MeasuredModel, space: ProtocolSpace) -> tuple[PlannedRun, ...]:
-    """Return the menu at the scale of the bench's limits; for a model of the user's own at that of the recorded runs."""
+    """Return the menu at the scale of the limits; for a model of the user's own at that of the recorded runs."""
     if not isinstance(model, Predictor):
         return system_catalogue(model)
     axes = {axis.channel.name: axis for axis in space.axes}

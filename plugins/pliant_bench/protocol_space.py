@@ -15,17 +15,17 @@ import numpy as np
 from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.records.design import Array
-from pliant.units import parse_quantity, si_unit
+from pliant.units import si_unit
 from pliant_bench.bench import BenchChannel, BenchProtocol, ChannelLimits
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.motions import Axis, Move, axes_within, sampled_path
-from pliant_bench.plans import VALVE
+from pliant_bench.plans import CONDITIONS, VALVE
 
 Shape = Literal["cycles", "waves", "steps", "hold", "loops", "rest", "closed"]
 SHAPES: tuple[Shape, ...] = ("cycles", "waves", "steps", "hold", "loops", "rest")
 # Numbers of a segment: highest level, lowest level, pace, duration of holds or change of pace, count.
 NUMBERS = 5
-MOST_SEGMENTS = 3
+MOST_SEGMENTS = 4
 SHORTEST_RUN_S, STILL_S = 20.0, 0.5
 SHORTEST_HOLD_S, LONGEST_HOLD_S = 1.0, 60.0
 # Levels of steps and of loops, shares of the way from the lowest to the highest.
@@ -120,17 +120,21 @@ class ProtocolSpace:
         axes = axes_within(both, settings.longest_run_s)
         return ProtocolSpace(axes, manual_settings(settings), settings.period_s, settings.longest_run_s)
 
-    def random(self, rng: np.random.Generator, setting: Mapping[str, float]) -> SpaceMember:
-        """Return a random member at this setting."""
-        count = int(rng.integers(1, MOST_SEGMENTS + 1))
+    def random(
+        self, rng: np.random.Generator, setting: Mapping[str, float], is_rich: bool = False
+    ) -> SpaceMember:
+        """Return a random member at this setting; a rich one has all its parts and may be long."""
+        count = MOST_SEGMENTS if is_rich else int(rng.integers(1, MOST_SEGMENTS + 1))
         segments = tuple(self._segment(rng) for _ in range(count))
-        return SpaceMember(segments, float(rng.uniform()), dict(setting))
+        return SpaceMember(segments, float(rng.uniform(0.5 if is_rich else 0.0, 1.0)), dict(setting))
 
     def _segment(self, rng: np.random.Generator) -> Segment:
         names = [axis.channel.name for axis in self.axes if axis.channel.name != VALVE]
-        has_valve = any(axis.channel.name == VALVE for axis in self.axes)
+        supplied = [name for name in names if name not in CONDITIONS]
+        has_valve = len(names) < len(self.axes) and bool(supplied)
         shapes: tuple[Shape, ...] = (*SHAPES, "closed") if has_valve else SHAPES
         shape = shapes[int(rng.integers(len(shapes)))]
+        names = supplied if shape == "closed" else names
         count = 1 if rng.uniform() < 0.6 else int(rng.integers(1, len(names) + 1))
         moved = rng.choice(len(names), size=count, replace=False)
         values = tuple(rng.uniform(size=NUMBERS).tolist())
@@ -226,10 +230,8 @@ def _count(share: float, most: int) -> int:
 def manual_settings(settings: ExperimentConfig) -> tuple[Mapping[str, float], ...]:
     """Return every combination of the conditions that a person can set, SI, the present one first."""
     found: list[dict[str, float]] = [{}]
-    for name, levels in settings.manual.items():
-        unit = si_unit(name) or "dimensionless"
-        values = [parse_quantity(one, unit) if isinstance(one, str) else float(one) for one in levels]
-        found = [{**one, name: value} for one in found for value in values]
+    for name in settings.manual:
+        found = [{**one, name: value} for one in found for value in settings.levels(name)]
     return tuple(found)
 
 

@@ -1,11 +1,9 @@
-"""Planners of an experiment: the run with the most information per minute, and random runs for a comparison."""
+"""The planner of an experiment: repeats of a first condition, then the run with the most information per minute."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
@@ -14,7 +12,6 @@ from pliant.records.measurement import Measurement
 from pliant_bench.bench import Bench, BenchProtocol
 from pliant_bench.choose import Choice, SearchEffort, choose_next, first_runs
 from pliant_bench.config import ExperimentConfig
-from pliant_bench.protocol_space import ProtocolSpace
 
 
 def model_inputs(opened: api.OpenStudy) -> tuple[str, ...]:
@@ -52,29 +49,6 @@ class TellingPlanner:
             minutes_left=minutes_left,
             effort=self.effort,
         )
-
-
-@dataclass(frozen=True)
-class RandomPlanner:
-    """Random runs of the same space."""
-
-    settings: ExperimentConfig
-    bench: Bench
-    seed: int = 0
-
-    def repeat(self, number: int) -> Choice:
-        """Return a repeat of the first condition."""
-        return first_repeat(self.settings, self.bench)
-
-    def next(
-        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
-    ) -> Choice:
-        """Return a random run."""
-        rng = np.random.default_rng([self.seed, len(done)])
-        space = ProtocolSpace.from_settings(self.settings, self.bench.inputs)
-        protocol = space.protocol(space.random(rng, self.settings.standing), "random")
-        minutes = protocol.duration_s / 60.0 + self.settings.set_up_minutes
-        return Choice(protocol, "decide", "A random run.", 0.0, minutes)
 
 
 def first_repeat(settings: ExperimentConfig, bench: Bench) -> Choice:

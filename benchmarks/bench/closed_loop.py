@@ -1,0 +1,256 @@
+"""Count how often the closed loop of experiments is right, and how many minutes of a bench it takes.
+
+    python -m benchmarks.bench.closed_loop                     calibration truths, on which the planner may be tuned
+    python -m benchmarks.bench.closed_loop --share 0.1         the first truths of every group
+    python -m benchmarks.bench.closed_loop --sealed            judged truths, drawn for this code; in the ledger
+    python -m benchmarks.bench.closed_loop --summarise         the table of the results that are there
+
+Every truth is met by three planners with the same bench, budget and stop rule: chosen runs, random runs of the same
+space, and the runs of the rich protocol in their order. Minutes contain motion, setting up and a person's work. The
+whole rich protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["NUMBA_NUM_THREADS"] = "1"
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import numpy as np
+from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, rich_minutes
+from benchmarks.bench.bed_bench import BedBench
+from benchmarks.bench.loop_tasks import LoopPlan, experiment
+from benchmarks.evidence import ledger, seal
+from benchmarks.evidence.judge import Judged, judge
+from benchmarks.evidence.run_bench import append, read
+from benchmarks.evidence.sets import make_set
+from benchmarks.evidence.tasks import Task
+from benchmarks.output import OUT, make_parser
+
+from pliant import api
+from pliant.store.store import write_atomically
+from pliant_bench.loop.folder import ExperimentFolder
+from pliant_bench.loop.person import Nobody
+from pliant_bench.loop.planner import TellingPlanner, model_inputs
+from pliant_bench.loop.rounds import Experiment, Planner, run_rounds
+
+LEDGER = Path(__file__).with_name("ledger.jsonl")
+# Code that determines the result, besides that of the diagnosis.
+CODE = (*ledger.CODE, "core/pliant/experiments", "plugins/pliant_bench", "benchmarks/bench")
+
+
+def make(task: Task, name: str, folder: Path, key: bytes) -> Path:
+    """Write the study of a truth and its sealed label; return the study."""
+    study, label = folder / f"{name}.yaml", folder / f"{name}{seal.SUFFIX}"
+    if not label.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        made = make_set(task.spec, name)
+        write_atomically(study, made.study)
+        write_atomically(label, seal.seal(made.label, key))
+    return study
+
+
+def perform(arm: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path) -> dict[str, Any]:
+    """Run the loop with one planner until it ends, and return its verdict and its minutes."""
+    opened = api.open_study(study, store=folder / "store")
+    bench = BedBench.from_label(label, seed)
+    settings = experiment(bench.robot)
+    planner: Planner = {
+        "chosen": lambda: TellingPlanner(opened, settings, bench),
+        "random": lambda: RandomRuns(settings, bench),
+        "rich": lambda: RichRuns(settings, bench),
+    }[arm]()
+    experiments = ExperimentFolder(folder / "experiment")
+    started, cpu = time.perf_counter(), time.process_time()
+    ended = run_rounds(
+        Experiment(
+            opened,
+            settings,
+            bench,
+            experiments,
+            model_inputs(opened),
+            api.candidates(opened),
+            planner,
+            Nobody(),
+        )
+    )
+    rounds = experiments.rounds()
+    verdicts = [(one.number, found) for one in rounds if (found := one.read("verdict")) is not None]
+    plans = [one.read("plan") or {} for one in rounds]
+    return {
+        "ended": ended.why,
+        "minutes": [plan["minutes"] for plan in plans],
+        "words": [plan["words"] for plan in plans],
+        "conditions": [plan["conditions"] for plan in plans],
+        "expected_nats": [plan.get("expected_nats") for plan in plans],
+        "obtained_nats": [found.get("obtained_nats") for _, found in verdicts],
+        "verdicts": [_short(number, found) for number, found in verdicts],
+        "result": verdicts[-1][1],
+        "rich_minutes": rich_minutes(bench, settings),
+        "wall_s": time.perf_counter() - started,
+        "cpu_s": time.process_time() - cpu,
+    }
+
+
+def _short(number: int, verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a round's verdict with its most probable hypotheses."""
+    top = sorted(verdict["hypotheses"], key=lambda one: -one["probability"])[:4]
+    return {
+        "run": number,
+        "verdict": verdict["verdict"],
+        "class": verdict.get("selected_class"),
+        "top": [[" + ".join(one["kinds"]), round(one["probability"], 3)] for one in top],
+    }
+
+
+def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[str]) -> None:
+    """Do what has no result yet: every truth with every planner."""
+    code, done = ledger.code_digest(parts=CODE), read(results)
+    tasks = plan.tasks()
+    for number, task in enumerate(tasks, 1):
+        name = task.secret_id(key)
+        for arm in arms:
+            if f"{name} {arm}" in done:
+                continue
+            line: dict[str, Any] = {"id": f"{name} {arm}", "code": code}
+            try:
+                study = make(task, name, folder / "sets", key)
+                label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
+                with tempfile.TemporaryDirectory() as scratch:
+                    seed = ARMS.index(arm) + 10 * task.spec.seed
+                    line |= perform(arm, study, label, seed, Path(scratch))
+            except Exception as error:
+                line |= {"error": f"{type(error).__name__}: {error}", "wall_s": 0.0}
+            append(results, line)
+            spent = f"{line.get('cpu_s', 0.0):.0f} s CPU"
+            print(f"{number}/{len(tasks)} {arm}: {line.get('ended') or line['error']}, {spent}", flush=True)
+
+
+def judged(
+    plan: LoopPlan, folder: Path, results: Path, key: bytes
+) -> list[tuple[str, Judged, dict[str, Any]]]:
+    """Return arm, judged answer and line of every result, in the order of the plan."""
+    lines, found = read(results), []
+    for task in plan.tasks():
+        name = task.secret_id(key)
+        for arm in ARMS:
+            line = lines.get(f"{name} {arm}")
+            if line is None:
+                continue
+            label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
+            found.append((arm, judge(task.group, label, line), line))
+    return found
+
+
+def is_right(item: Judged) -> bool:
+    """Return whether an answer is right strictly, or by the class that no allowed run splits."""
+    return item.is_right or item.by_class
+
+
+def summary(items: Sequence[tuple[str, Judged, dict[str, Any]]]) -> dict[str, Any]:
+    """Return counts and minutes of every arm, and the medians of the ratios of minutes."""
+    found: dict[str, Any] = {}
+    minutes: dict[str, dict[str, float]] = {arm: {} for arm in (*ARMS, "rich_whole")}
+    for arm in ARMS:
+        mine = [(item, line) for one, item, line in items if one == arm]
+        clean = [item for item, _ in mine if item.group == "clean"]
+        found[arm] = {
+            "n": len(mine),
+            "right": sum(is_right(item) for item, _ in mine),
+            "strictly": sum(item.is_right for item, _ in mine),
+            "wrong_kind": sum(item.wrong_kind for item, _ in mine),
+            "clean": [sum(item.is_right for item in clean), len(clean)],
+            "errors": sum("error" in line for _, line in mine),
+            "groups": {
+                group: [
+                    sum(is_right(item) for item, _ in mine if item.group == group),
+                    sum(item.group == group for item, _ in mine),
+                ]
+                for group in sorted({item.group for item, _ in mine})
+            },
+        }
+        for item, line in mine:
+            if "error" in line:
+                continue
+            name = line["id"].split()[0]
+            minutes["rich_whole"][name] = line["rich_minutes"]
+            # an arm that ends wrong or undecided would have needed at least its whole budget
+            minutes[arm][name] = sum(line["minutes"]) if is_right(item) else np.inf
+        taken = [value for value in minutes[arm].values() if np.isfinite(value)]
+        found[arm]["minutes_median_of_right"] = float(np.median(taken)) if taken else None
+    for arm in ("random", "rich", "rich_whole"):
+        ratios = [
+            minutes["chosen"][name] / value
+            for name, value in minutes[arm].items()
+            if np.isfinite(minutes["chosen"].get(name, np.inf))
+        ]
+        found[f"chosen_to_{arm}"] = {"median": float(np.median(ratios)) if ratios else None, "n": len(ratios)}
+    return found
+
+
+def as_text(data: Mapping[str, Any], items: Sequence[tuple[str, Judged, dict[str, Any]]]) -> str:
+    """Return a line for every answer, then the table."""
+    lines = []
+    for arm, item, line in items:
+        used = sum(line.get("minutes", []))
+        outcome = "right" if item.is_right else "class" if item.by_class else item.outcome
+        lines.append(
+            f"{item.kind:38s} {item.robot:7s} {item.engine:10s} {arm:7s} {outcome:10s} {item.answer:32s} "
+            f"{used:6.1f} min {len(line.get('minutes', []))} runs {line.get('cpu_s', 0):5.0f} s CPU {line.get('ended')}"
+        )
+    for arm in ARMS:
+        one = data[arm]
+        lines.append(
+            f"{arm}: right {one['right']}/{one['n']}, strictly {one['strictly']}, wrong kind {one['wrong_kind']}, "
+            f"clean {one['clean'][0]}/{one['clean'][1]}, errors {one['errors']}, "
+            f"median minutes of right ones {one['minutes_median_of_right']}"
+        )
+    for arm in ("random", "rich", "rich_whole"):
+        ratio = data[f"chosen_to_{arm}"]
+        lines.append(f"minutes of chosen runs / {arm}: median {ratio['median']} of {ratio['n']}")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = make_parser(__doc__)
+    parser.add_argument("--sealed", action="store_true", help="judge this code, on truths drawn for it")
+    parser.add_argument("--summarise", action="store_true", help="only the table of what is there")
+    parser.add_argument("--share", type=float, default=1.0, metavar="0..1", help="this part of the truths")
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
+    parser.add_argument("--out", type=Path, default=OUT)
+    given: argparse.Namespace = parser.parse_args(arguments)
+    code, folder = ledger.code_digest(parts=CODE), (given.out / "closed_loop").resolve()
+    plan = LoopPlan(share=given.share)
+    plan = replace(plan, split="judged", draw=code) if given.sealed else plan
+    results = folder / (f"sealed-{code}.jsonl" if given.sealed else "calibration.jsonl")
+    key = seal.judge_key(folder / "judge.key")
+    begun = {
+        "run": f"{code} {ledger.now()}",
+        "began": ledger.now(),
+        "commit": ledger.commit(CODE),
+        "code": code,
+    }
+    if given.sealed and not given.summarise:
+        ledger.note({**begun, "share": given.share, "planned": len(LoopPlan().tasks())}, LEDGER)
+    if not given.summarise:
+        run(plan, folder, results, key, given.arms)
+    items = judged(plan, folder, results, key)
+    data = summary(items)
+    print(as_text(data, items))
+    write_atomically(given.out / "closed_loop.json", json.dumps(data, indent=1))
+    if given.sealed and not given.summarise:
+        ledger.note({"run": begun["run"], "ended": ledger.now(), "figures": data}, LEDGER)
+
+
+if __name__ == "__main__":
+    main()

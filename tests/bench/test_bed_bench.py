@@ -1,0 +1,57 @@
+"""The bench of the closed loop's benchmark: the same readings as the sets of the evidence bed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.bench.arms import RandomRuns, RichRuns, rich_minutes, rich_protocols
+from benchmarks.bench.bed_bench import BedBench
+from benchmarks.bench.loop_tasks import LoopPlan, experiment
+from benchmarks.evidence.robots import ROBOTS
+from benchmarks.evidence.sets import SetSpec, make_set
+
+from pliant_bench.limits import check_protocol
+from pliant_bench.loop.planner import first_repeat
+
+
+def test_the_rich_protocol_on_the_bench_gives_the_readings_of_the_set() -> None:
+    spec = SetSpec("mullins", 1, "functional", "joint", "rich", "calibration")
+    made = make_set(spec)
+    label = {**made.label, "sigma": dict.fromkeys(made.sigma, 0.0)}
+    bench = BedBench.from_label(label, 0)
+    for protocol, hidden in zip(rich_protocols(bench)[:5], made.hidden, strict=False):
+        recording = bench.run(protocol, lambda sample: None)
+        np.testing.assert_allclose(recording.readings["angle_rad"], hidden["angle_rad"], atol=1e-9)
+
+
+def test_sixty_truths_of_all_groups_and_the_first_ones_of_each() -> None:
+    tasks = LoopPlan().tasks()
+    assert len(tasks) == 60 and len({task.public_id for task in tasks}) == 60
+    assert {task.group for task in LoopPlan(share=0.2).tasks()} == {"effect", "clean", "unknown", "pair"}
+    judged = LoopPlan(split="judged", draw="abc").tasks()
+    assert {task.spec.engine for task in judged} == {"functional", "mujoco", "explicit"}
+    assert not {task.public_id for task in judged} & {task.public_id for task in tasks}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_planners_that_are_compared_keep_the_same_limits_and_count_visits(robot: str) -> None:
+    spec = SetSpec("none", 1, "functional", robot, "rich", "calibration")
+    bench = BedBench(spec, (), dict.fromkeys(ROBOTS[robot].outputs, 0.0))
+    settings = experiment(bench.robot)
+    first = first_repeat(settings, bench).protocol
+    assert first is not None
+    random = RandomRuns(settings, bench)
+    visits = 0
+    done = [first]
+    for _ in range(20):
+        choice = random.next(None, None, done, np.inf)  # type: ignore[arg-type] - it does not look
+        assert choice.protocol is not None
+        check_protocol(choice.protocol, bench.inputs)
+        visits += choice.minutes > 2.0 + choice.protocol.duration_s / 60.0
+        done.append(choice.protocol)
+    assert 0 < visits < 12
+    rich = RichRuns(settings, bench)
+    runs = rich_protocols(bench)
+    again = [rich.repeat(1), *(rich.next(None, None, runs[:k], np.inf) for k in range(1, len(runs)))]  # type: ignore[arg-type]
+    assert sum(one.minutes for one in again) == pytest.approx(rich_minutes(bench, settings))
+    assert rich.next(None, None, runs, np.inf).protocol is None  # type: ignore[arg-type]
