@@ -100,8 +100,8 @@ class LineBench(SampledBench):
         except ValueError:
             self.close()
             raise UserError(
-                f"The bench at {self.address} states a channel or a limit that is no number; compare its answers with the "
-                "line protocol in docs/connect_your_bench.md."
+                f"The bench at {self.address} states a channel or a limit that is no number; compare its answers with "
+                "the line protocol in docs/connect_your_bench.md."
             ) from None
         except (UserError, KeyboardInterrupt):
             self.close()
