@@ -120,4 +120,4 @@ class TerminalPerson(Person):
 
 def bits(nats: float) -> str:
     """Return information in bits, as text."""
-    return f"{nats / math.log(2.0):.2f} bit"
+    return f"{round(nats / math.log(2.0), 2) + 0.0:.2f} bit"
