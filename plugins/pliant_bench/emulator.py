@@ -73,6 +73,11 @@ class Emulator:
         """Return whether the program runs."""
         return any(process.poll() is None for process in self._processes)
 
+    @property
+    def process_ids(self) -> list[int]:
+        """Return the numbers of the processes that were started."""
+        return [process.pid for process in self._processes]
+
     def accept(self) -> None:
         """Wait for a TCP connection, which becomes the line."""
         assert self._listener is not None

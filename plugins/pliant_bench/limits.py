@@ -77,8 +77,8 @@ def check_protocol(protocol: BenchProtocol, inputs: Sequence[BenchChannel]) -> N
             raise UserError(
                 f"{run} needs {len(times)} finite values of {channel.name}, one for each instant."
             )
-    found = [first_violation(times, protocol.commands[c.name], c) for c in inputs]
-    violations = [one for one in found if one is not None]
+    firsts = [first_violation(times, protocol.commands[c.name], c) for c in inputs]
+    violations = [one for one in firsts if one is not None]
     if violations:
         first = min(violations, key=lambda one: one.time_s)
         raise UserError(f"{run} is not allowed: {first}. Change the run, or the limits of the bench.")
@@ -87,7 +87,7 @@ def check_protocol(protocol: BenchProtocol, inputs: Sequence[BenchChannel]) -> N
 def first_violation(time_s: Array, values: Array, channel: BenchChannel) -> Violation | None:
     """Return the first violation of a path from rest to rest, or None."""
     t, v, limits = np.asarray(time_s, float), np.asarray(values, float), channel.limits
-    found = [
+    firsts = [
         _out_of_range(t, v, channel.name, limits),
         _too_fast(t, v, channel.name, limits),
         _too_jerky(t, v, channel.name, limits),
@@ -95,12 +95,12 @@ def first_violation(time_s: Array, values: Array, channel: BenchChannel) -> Viol
     ]
     if np.isfinite(limits.rate) or np.isfinite(limits.acceleration):
         tolerance = ROUNDING * max(float(np.ptp(v)), abs(channel.rest), 1e-12)
-        found += [
+        firsts += [
             Violation(channel.name, float(t[k]), "rest", float(v[k]), channel.rest)
             for k in (0, -1)
             if abs(v[k] - channel.rest) > tolerance
         ]
-    violations = [one for one in found if one is not None]
+    violations = [one for one in firsts if one is not None]
     return min(violations, key=lambda one: one.time_s) if violations else None
 
 
@@ -131,11 +131,11 @@ def _too_jerky(t: Array, v: Array, name: str, limits: ChannelLimits) -> Violatio
     steps = np.diff(t)
     steps = np.concatenate([steps[:1], steps, steps[-1:]])
     slopes = np.concatenate([[0.0], np.diff(v) / np.diff(t), [0.0]])
-    found = np.abs(np.diff(slopes)) / (0.5 * (steps[1:] + steps[:-1]))
-    k = _first(found > limits.acceleration * (1 + ROUNDING))
+    accelerations = np.abs(np.diff(slopes)) / (0.5 * (steps[1:] + steps[:-1]))
+    k = _first(accelerations > limits.acceleration * (1 + ROUNDING))
     if k is None:
         return None
-    return Violation(name, float(t[k]), "acceleration", float(found[k]), limits.acceleration)
+    return Violation(name, float(t[k]), "acceleration", float(accelerations[k]), limits.acceleration)
 
 
 def _too_short_hold(t: Array, v: Array, name: str, limits: ChannelLimits) -> Violation | None:

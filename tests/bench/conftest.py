@@ -19,13 +19,13 @@ PERIOD_S = 0.01
 def hill() -> Callable[..., BenchProtocol]:
     """Return a function that gives a triangle of pressure up to a level, sampled every 10 ms."""
 
-    def made(level: float = 10e3, duration_s: float = 4.0, acceleration_s: float = 0.3) -> BenchProtocol:
+    def protocol(level: float = 10e3, duration_s: float = 4.0, acceleration_s: float = 0.3) -> BenchProtocol:
         time_s = np.arange(round(duration_s / PERIOD_S) + 1) * PERIOD_S
         path = 0.5 - 0.5 * np.cos(2 * np.pi * time_s / duration_s)
         path[-1] = 0.0
         return BenchProtocol("hill", "up and down", time_s, {"pressure_pa": level * path})
 
-    return made
+    return protocol
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from pliant.errors import UserError
 from pliant_bench.bench import RunStoppedError
 from pliant_bench.clock import AcceleratedClock
 from pliant_bench.drivers.line_config import SerialConfig, SocketConfig
+from pliant_bench.drivers.line_protocol import decode, encode
 from pliant_bench.drivers.socket_line import SocketBench
 from pliant_bench.emulator import Emulator
 from pliant_bench.ramps import shaped
@@ -247,3 +248,83 @@ def test_closing_twice_and_without_connecting_is_allowed(serial_bench):
     bench.close()
     bench.close()
     SocketBench(SocketConfig(port=1)).close()
+
+
+class Wrong(SerialBench):
+    """A bench behind a line whose answers a table gives."""
+
+    answers: dict[str, str]
+
+    def open_line(self):
+        return Scripted(self.answers)
+
+
+class Scripted:
+    """A line that answers by the kind of the request."""
+
+    def __init__(self, answers):
+        self.answers, self.waiting = answers, b""
+
+    def write(self, data):
+        number, body = decode(data[:-1])
+        self.waiting += encode(number, self.answers[body[0]])
+
+    def read(self):
+        data, self.waiting = self.waiting, b""
+        return data
+
+    def close(self):
+        pass
+
+
+GOOD = {
+    "H": "H 1 scripted 1 1 500",
+    "I": "I pressure_pa 0 0 15000 20000",
+    "O": "O angle_rad -1 1",
+    "X": "X 5 0 0.25",
+    "V": "V 5",
+}
+
+
+def scripted(**answers):
+    bench = Wrong(SerialConfig(port="scripted", start_s=0.1))
+    bench.answers = {**GOOD, **answers}
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("answers", "says"),
+    [
+        ({"H": "H 2 other 1 1 500"}, "another version of the line protocol than 1"),
+        ({"H": "H 1 other one 1 500"}, "states a channel or a limit that is no number"),
+        ({"I": "I pressure_pa 0 low 15000 20000"}, "states a channel or a limit that is no number"),
+        ({"O": "E channel"}, r"does not state its channels \(O 0\)"),
+    ],
+)
+def test_a_sketch_that_states_nonsense_is_a_users_error(answers, says):
+    with pytest.raises(UserError, match=says):
+        scripted(**answers).connect()
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        ("X 5 0", "another number of values than it has channels"),
+        ("X 5 0 half", "answered 'X 5 0 half', without numbers"),
+        ("X 5 16000 0.25", "set pressure_pa to 16000, outside its own range"),
+        ("E silence", "vented because no line came"),
+        ("E hello", "has restarted, and is vented"),
+        ("E other", r"refused a command \(other\)"),
+    ],
+)
+def test_a_sketch_that_answers_nonsense_ends_the_run(answer, says):
+    bench = scripted(X=answer)
+    bench.connect()
+    with pytest.raises(RunStoppedError, match=says):
+        bench.exchange({"pressure_pa": 0.0})
+
+
+def test_a_reading_that_the_sensor_does_not_give_is_nan():
+    bench = scripted(X="X 5 0 nan")
+    bench.connect()
+    assert np.isnan(bench.exchange({"pressure_pa": 0.0})["angle_rad"])

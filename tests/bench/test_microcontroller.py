@@ -9,6 +9,7 @@ from importlib import resources
 import numpy as np
 import pytest
 from tests.bench.conftest import PERIOD_S, pressure
+from tests.bench.mangler import Mangler
 
 from pliant.errors import UserError
 from pliant_bench.bench import RunStoppedError
@@ -129,6 +130,31 @@ def test_the_valve_never_exceeds_its_limits_under_random_protocols(emulator_prog
         assert_limits_were_kept(device, bench.vents)
     assert min(fates.count(fate) for fate in ("shaped", "refused", "attacked")) > count / 5
     assert device.valve()[1].max() > 0.9 * HIGH
+
+
+class MangledBench(CountingBench):
+    """The same over a line that is mangled, as fast as a test needs."""
+
+    def open_line(self):
+        self.mangler = Mangler(super().open_line(), delay_s=0.01)
+        return self.mangler
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(1500, marks=SLOW)])
+def test_limits_hold_under_random_protocols_on_a_bad_line(emulator_program, tmp_path, count):
+    rng = np.random.default_rng(count)
+    with Emulator(emulator_program, tmp_path / "valve.log", step_ms=round(1000 * PERIOD_S)) as device:
+        bench = MangledBench(SerialConfig(port=device.port, timeout_s=0.005))
+        bench.connect()
+        bench.clock = AcceleratedClock()
+        for _ in range(count):
+            perform(bench, rng)
+        counts = bench.counts
+        bench.close()
+        device.close()
+        assert_limits_were_kept(device, bench.vents + counts.repeated)
+    assert counts.old > count and counts.damaged > count
+    assert device.valve()[1].max() > 0.2 * HIGH
 
 
 def run_until_killed(port, seed):

@@ -97,6 +97,12 @@ class LineBench(SampledBench):
             raise UserError(
                 f"The connection to {self.address} was lost ({error.strerror or error})."
             ) from None
+        except ValueError:
+            self.close()
+            raise UserError(
+                f"The bench at {self.address} states a channel or a limit that is no number; compare its answers with "
+                "the line protocol in docs/connect_your_bench.md."
+            ) from None
         except (UserError, KeyboardInterrupt):
             self.close()
             raise
@@ -126,7 +132,12 @@ class LineBench(SampledBench):
             raise RunStoppedError(
                 REFUSALS.get(answer[1], f"The microcontroller refused a command ({answer[1]}).")
             )
-        device_ms, *numbers = (float(word) for word in answer[1:])
+        try:
+            device_ms, *numbers = (float(word) for word in answer[1:])
+        except ValueError:
+            raise RunStoppedError(
+                f"The microcontroller answered '{' '.join(answer)}', without numbers."
+            ) from None
         if len(numbers) != len(self._inputs) + len(self._outputs):
             raise RunStoppedError(
                 "The microcontroller answered with another number of values than it has channels."

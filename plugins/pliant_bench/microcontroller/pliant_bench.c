@@ -249,6 +249,7 @@ void pliant_setup(const pliant_bench *given) {
 void pliant_loop(void) {
   uint32_t now = pliant_millis(); /* every line that came before this time is read below, however long that takes */
   int byte;
+  move_valves(); /* before a line is answered, which tells where they are */
   while ((byte = pliant_serial_read()) >= 0) {
     if (byte == '\n') {
       line[line_length] = 0;
@@ -260,6 +261,5 @@ void pliant_loop(void) {
       line_too_long = 1;
     }
   }
-  move_valves();
   if (state == ACTIVE && (int32_t)(now - heard_ms) > (int32_t)bench->silence_ms) vent(SILENT);
 }
