@@ -1,4 +1,4 @@
-"""Union, difference and trimming of solids by manifold3d (Apache-2.0); lengths outside are metres, inside millimetres."""
+"""Union, difference and trimming of solids by manifold3d (Apache-2.0); metres outside, millimetres inside."""
 
 from __future__ import annotations
 
@@ -60,10 +60,15 @@ def regular(body: Any) -> Any:
 
 
 def simplified(body: Any) -> Any:
-    """Return the manifold with fewer triangles where they lie in a plane, within a micrometre, without crumbs."""
+    """Return the manifold with fewer triangles where they lie in a plane, within a micrometre, without crumbs.
+
+    A closed hollow is a piece of negative volume: pieces are put side by side, not united.
+    """
     pieces = body.simplify(SIMPLE_MM).decompose()
     largest = max((abs(float(one.volume())) for one in pieces), default=0.0)
-    return united([one for one in pieces if abs(float(one.volume())) > CRUMB * largest])
+    return library().Manifold.compose(
+        [one for one in pieces if abs(float(one.volume())) > CRUMB * largest]
+    )
 
 
 def surface(body: Any) -> TriangleMesh:

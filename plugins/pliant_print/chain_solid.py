@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,11 +12,12 @@ import numpy as np
 from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
 from pliant.records.shape import TriangleMesh
-from pliant_print.boolean import cylinder, placed, solid, surface, united
+from pliant_print.boolean import MM, cylinder, library, solid, surface, united
 from pliant_print.loops import Loop, deepest_point, end_loops, merged, on_plane, prism, reversed_loop
 from pliant_print.module_solid import BODY, LINKS, ModuleSolid
 
 MATCH = 2e-3  # of the size: ends whose lines are nearer than this continue each other
+STEP_M = 1e-6  # by which a cut reaches beyond a face
 DUCT = 0.6  # of the largest circle in an opening: radius of a duct between openings that do not meet
 
 
@@ -183,7 +185,7 @@ def _between(
     cuts: list[Any] = []
     notes: list[str] = []
     at = [number for number, piece in enumerate(pieces) if piece.module is not None]
-    for before, after in zip(at[:-1], at[1:], strict=True):
+    for before, after in itertools.pairwise(at):
         left, right = (
             section_loops(runs[before], pieces[before].end_m, 1),
             section_loops(runs[after], pieces[after].start_m, -1),
@@ -203,8 +205,8 @@ def _between(
             hollow = [
                 prism([reversed_loop(one)], a, b)
                 for loops, a, b in (
-                    (left, start, pieces[before].end_m - half / 2),
-                    (right, pieces[after].start_m + half / 2, end),
+                    (left, start - STEP_M, pieces[before].end_m - half / 2),
+                    (right, pieces[after].start_m + half / 2, end + STEP_M),
                 )
                 for one in loops
                 if one.is_hole
@@ -258,8 +260,6 @@ def _reach(points: Array, loops: Sequence[Loop]) -> float:
 
 def _hull(left: Sequence[Loop], right: Sequence[Loop], start: float, end: float) -> Any:
     """Return the convex hull of two ends' outlines, extruded."""
-    from pliant_print.boolean import MM, library
-
     points = np.concatenate([one.points_m for one in (*left, *right) if not one.is_hole])
     corners = np.concatenate([np.column_stack([np.full(len(points), x), points]) for x in (start, end)])
     return library().Manifold.hull_points(MM * corners)
@@ -272,9 +272,8 @@ def _ducts(left: Sequence[Loop], right: Sequence[Loop], low: float, high: float)
     for a, b in pairs:
         (p, p_radius), (q, q_radius) = deepest_point(reversed_loop(a)), deepest_point(reversed_loop(b))
         radius = DUCT * min(p_radius, q_radius)
-        middle = (low + high) / 2
         first, second = (cylinder([low, *p], [high, *p], radius), cylinder([low, *q], [high, *q], radius))
-        made.append((first + second).hull() if middle else first)
+        made.append((first + second).hull())
     return made
 
 

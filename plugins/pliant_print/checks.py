@@ -100,10 +100,9 @@ def _passes(p: Array, q: Array, triangle: Array) -> bool:
     second = _six_volumes(p, q, b, c)
     third = _six_volumes(p, q, c, a)
     least = TOUCH * area
-    inside = (first > least and second > least and third > least) or (
+    return (first > least and second > least and third > least) or (
         first < -least and second < -least and third < -least
     )
-    return inside
 
 
 @numba.njit(cache=True)

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from pliant.records.design import Array
+from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, cylinder, library, placed, simplified, solid, united
 from pliant_print.chain_solid import Band, ChainSolid
 from pliant_print.config import PrintConfig
-from pliant_print.loops import Loop, deepest_point, prism, reversed_loop
-from pliant_print.module_solid import BODY, LINKS
+from pliant_print.loops import deepest_point, filled, merged, prism, reversed_loop
+from pliant_print.module_solid import LINKS
 from pliant_print.voids import BORE, Ends, stack_ends
 
 STEP_M = 1e-6  # by which a cut reaches beyond a face
@@ -209,15 +210,13 @@ def _band_note(band: Band, config: PrintConfig) -> str:
     modulus = band.stiffness_n / (band.width_m * config.ribbon_m)
     return (
         f"The FEM has a band of {1e3 * band.width_m:.3g} mm by its stiffness EA = {band.stiffness_n:.3g} N alone; here "
-        f"it is a body of its own, {1e3 * config.ribbon_m:.3g} mm thick, whose material needs E = {modulus / 1e6:.3g} MPa."
+        f"it is a body of its own, {1e3 * config.ribbon_m:.3g} mm thick, whose material needs "
+        f"E = {modulus / 1e6:.3g} MPa."
     )
 
 
 def outline(chain: ChainSolid, ends: Ends, cap_m: float) -> Any:
     """Return the filled outside of the modules and the cap: no voids and no bore."""
-    from pliant.records.shape import TriangleMesh
-    from pliant_print.loops import filled, merged
-
     faces = [ends.whole.faces[ends.outer]]
     vertices = [ends.whole.vertices_m]
     first = len(ends.whole.vertices_m)
@@ -242,7 +241,3 @@ def cast_part(chain: ChainSolid, ends: Ends, cap_m: float) -> dict[str, Any]:
         bodies[chain.soft] = bodies[chain.soft] + tip_cap(chain, ends, cap_m)
     return bodies
 
-
-__all__: Sequence[str] = (
-    "BODY", "ClosedChain", "Inlet", "Loop", "cast_part", "closed_chain", "modules_volume_m3", "outline",
-)  # fmt: skip

@@ -47,7 +47,7 @@ class MouldConfig(FrozenModel):
         0.0, ge=0, lt=0.2, description="linear, of the cast material: 0.1 % for many silicones of addition cure"
     )
     draft_rad: Angle = Field(
-        0.0087, ge=0, lt=0.2, description="of faces along which a half is pulled, of pins, sprue and core prints"
+        0.0087, ge=0, lt=0.2, description="of faces along which a half is pulled, of pins and of the sprue"
     )
     wall_m: Length = Field(8e-3, gt=0, description="least thickness of the halves around the part")
     pin_m: Length = Field(5e-3, gt=0, description="diameter of a registration pin")

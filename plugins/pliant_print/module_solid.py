@@ -204,7 +204,7 @@ def _notes(problem: ModuleProblem) -> list[str]:
     said = []
     if problem.fibres:
         said.append(
-            "The threads of the FEM lie spread in the wall and are no bodies here; wind them on the cast or printed tube."
+            "The threads of the FEM lie spread in the wall and are no bodies here; wind them on the tube."
         )
     if "wound" in problem.fixed:
         said.append(

@@ -11,7 +11,8 @@ from pliant.records.design import Array
 from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, surface
 
-OPPOSITE = -0.85  # cosine between the normals of a wall's two sides: of a wedge it is larger
+OPPOSITE = 0.85  # least cosine of the angle between both sides of a wall; a wedge has less
+PARALLEL = 0.98  # cosine of angles, up to 11°, that plane pieces of curved walls make with each other
 MOST_RAYS = 160_000
 NEAR_CORNER = 0.96  # of the way from a triangle's centre to its corner
 STEP = 1e-6  # of the ray's length: its start below the face
@@ -41,8 +42,9 @@ class Overhang:
 
 
 def thinnest_wall(body: Any) -> Wall:
-    """Return the thinnest wall of a manifold: the shortest way from a face inward to a face of about opposite normal.
+    """Return the thinnest wall of a manifold: the smallest sphere inside that touches a face and one about opposite.
 
+    A ray goes inward from a face; from its length and the angle between both faces follows the sphere's diameter.
     Four rays start in each triangle, at its centre and near its corners; of very many triangles in every n-th. Edges
     where faces meet at an acute angle are no walls.
     """
@@ -61,8 +63,11 @@ def thinnest_wall(body: Any) -> Wall:
         begin = start - STEP * reach * n
         limit = min(reach, best) * 1.01
         for hit in body.ray_cast(tuple(begin.tolist()), tuple((start - limit * n).tolist())):
-            if np.dot(hit.normal, n) < OPPOSITE:
-                thick = float(np.dot(start - np.asarray(hit.position), n))
+            cosine = -float(np.dot(hit.normal, n))
+            if cosine > OPPOSITE:
+                way = float(np.dot(start - np.asarray(hit.position), n))
+                # 1 − tan² of half the angle between both sides
+                thick = way if cosine > PARALLEL else way * (1 - (1 - cosine) / (1 + cosine))
                 if STEP * reach * 2 < thick < best:
                     best, where = thick, start
                 break
