@@ -66,17 +66,13 @@ def simplified(body: Any) -> Any:
     """
     pieces = body.simplify(SIMPLE_MM).decompose()
     largest = max((abs(float(one.volume())) for one in pieces), default=0.0)
-    return library().Manifold.compose(
-        [one for one in pieces if abs(float(one.volume())) > CRUMB * largest]
-    )
+    return library().Manifold.compose([one for one in pieces if abs(float(one.volume())) > CRUMB * largest])
 
 
 def surface(body: Any) -> TriangleMesh:
     """Return the surface of a manifold."""
     mesh = body.to_mesh64()
-    return TriangleMesh(
-        np.array(mesh.vert_properties[:, :3], float) / MM, np.array(mesh.tri_verts, np.int64)
-    )
+    return TriangleMesh(np.array(mesh.vert_properties[:, :3], float) / MM, np.array(mesh.tri_verts, np.int64))
 
 
 def volume_m3(body: Any) -> float:

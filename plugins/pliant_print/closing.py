@@ -12,7 +12,7 @@ from pliant.records.design import Array
 from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, cylinder, library, placed, simplified, solid, united
 from pliant_print.chain_solid import Band, ChainSolid
-from pliant_print.config import PrintConfig
+from pliant_print.config import SolidConfig
 from pliant_print.loops import deepest_point, filled, merged, prism, reversed_loop
 from pliant_print.module_solid import LINKS
 from pliant_print.voids import BORE, Ends, stack_ends
@@ -55,7 +55,7 @@ class ClosedChain:
     notes: tuple[str, ...]
 
 
-def closed_chain(chain: ChainSolid, config: PrintConfig, wall_m: float) -> ClosedChain:
+def closed_chain(chain: ChainSolid, config: SolidConfig, wall_m: float) -> ClosedChain:
     """Return the chain with cap, flange, inlets, tendon holes and bands; `wall_m` is its thinnest wall."""
     ends = stack_ends(chain)
     bodies = dict(chain.bodies)
@@ -94,7 +94,7 @@ def closed_chain(chain: ChainSolid, config: PrintConfig, wall_m: float) -> Close
     return ClosedChain(bodies, chain, ends, inlets, cap_m, config.flange_m, removed, tuple(notes))
 
 
-def tip_cap_m(chain: ChainSolid, config: PrintConfig, wall_m: float) -> float:
+def tip_cap_m(chain: ChainSolid, config: SolidConfig, wall_m: float) -> float:
     """Return the thickness of the cap: a rigid piece's at the tip, the study's, or twice the wall; 0 without cavity."""
     if chain.length_m > chain.end_m + STEP_M:
         return chain.length_m - chain.end_m
@@ -109,7 +109,7 @@ def tip_cap(chain: ChainSolid, ends: Ends, cap_m: float) -> Any:
     return solid(prism(loops, chain.end_m, chain.end_m + cap_m), "the cap")
 
 
-def inlets_at_base(ends: Ends, config: PrintConfig) -> tuple[Inlet, ...]:
+def inlets_at_base(ends: Ends, config: SolidConfig) -> tuple[Inlet, ...]:
     """Return an inlet for each opening of a cavity at the base, at its deepest point."""
     found = []
     for loop in ends.base:
@@ -120,7 +120,7 @@ def inlets_at_base(ends: Ends, config: PrintConfig) -> tuple[Inlet, ...]:
 
 
 def base_flange(
-    chain: ChainSolid, ends: Ends, config: PrintConfig, inlets: Sequence[Inlet], x_m: float = 0.0
+    chain: ChainSolid, ends: Ends, config: SolidConfig, inlets: Sequence[Inlet], x_m: float = 0.0
 ) -> Any:
     """Return the round plate at the base with screw holes, inlets with sockets for tubes, and open bores."""
     points = np.concatenate([one.points_m for one in ends.base if not one.is_hole])
@@ -147,18 +147,14 @@ def base_flange(
             angle = 2 * np.pi * (k + 0.5) / config.screws
             at = np.array([0.0, *(centre + around * np.array([np.cos(angle), np.sin(angle)]))])
             cuts.append(
-                cylinder(
-                    at + [x_m - thick - STEP_M, 0, 0], at + [x_m + STEP_M, 0, 0], config.screw_m / 2
-                )
+                cylinder(at + [x_m - thick - STEP_M, 0, 0], at + [x_m + STEP_M, 0, 0], config.screw_m / 2)
             )
     return plate - united(cuts) if cuts else plate
 
 
-def socket_radius_m(inlet: Inlet, inlets: Sequence[Inlet], config: PrintConfig) -> float:
+def socket_radius_m(inlet: Inlet, inlets: Sequence[Inlet], config: SolidConfig) -> float:
     """Return the radius of a tube's socket, less where the next inlet is near."""
-    apart = [
-        float(np.linalg.norm(inlet.point_m - other.point_m)) for other in inlets if other is not inlet
-    ]
+    apart = [float(np.linalg.norm(inlet.point_m - other.point_m)) for other in inlets if other is not inlet]
     return min([config.tube_m / 2, *((gap - LEAST_WALL_M) / 2 for gap in apart)])
 
 
@@ -179,7 +175,7 @@ def modules_volume_m3(closed: ClosedChain) -> float:
 
 
 def _bands(
-    chain: ChainSolid, config: PrintConfig, cap_m: float, ends: Ends, inlets: Sequence[Inlet]
+    chain: ChainSolid, config: SolidConfig, cap_m: float, ends: Ends, inlets: Sequence[Inlet]
 ) -> Any | None:
     """Return the bands as one solid, anchored in flange and cap; None without bands."""
     if not chain.ribbons:
@@ -206,7 +202,7 @@ def _strip(start: Array, end: Array, band: Band, thick_m: float) -> Any:
     return placed(cube, rotation, start)
 
 
-def _band_note(band: Band, config: PrintConfig) -> str:
+def _band_note(band: Band, config: SolidConfig) -> str:
     modulus = band.stiffness_n / (band.width_m * config.ribbon_m)
     return (
         f"The FEM has a band of {1e3 * band.width_m:.3g} mm by its stiffness EA = {band.stiffness_n:.3g} N alone; here "
@@ -240,4 +236,3 @@ def cast_part(chain: ChainSolid, ends: Ends, cap_m: float) -> dict[str, Any]:
     if cap_m:
         bodies[chain.soft] = bodies[chain.soft] + tip_cap(chain, ends, cap_m)
     return bodies
-

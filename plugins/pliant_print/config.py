@@ -1,4 +1,4 @@
-"""The blocks `printer`, `print` and `mould` of a study: limits of the printer, closing parts, the mould."""
+"""The blocks `printer`, `solid` and `mould` of a study: limits of the printer, closing parts, the mould."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ class PrinterConfig(FrozenModel):
     nozzle_m: Length = Field(0.4e-3, gt=0, description="width of one line")
     min_wall_m: Length = Field(0.8e-3, gt=0, description="thinnest wall that it prints tight")
     max_overhang_rad: Angle = Field(
-        0.25 * 3.141592653589793, gt=0, description="largest angle of a face from the vertical without support"
+        0.25 * 3.141592653589793,
+        gt=0,
+        description="largest angle of a face from the vertical without support",
     )
 
 
-class PrintConfig(FrozenModel):
+class SolidConfig(FrozenModel):
     """The parts that close a chain of modules: cap at the tip, flange with inlets at the base."""
 
     cap_m: Length | None = Field(
@@ -44,7 +46,10 @@ class MouldConfig(FrozenModel):
     """The mould for casting: two halves that part across the chain's plane of bending, and cores."""
 
     shrinkage: Ratio = Field(
-        0.0, ge=0, lt=0.2, description="linear, of the cast material: 0.1 % for many silicones of addition cure"
+        0.0,
+        ge=0,
+        lt=0.2,
+        description="linear, of the cast material: 0.1 % for many silicones of addition cure",
     )
     draft_rad: Angle = Field(
         0.0087, ge=0, lt=0.2, description="of faces along which a half is pulled, of pins and of the sprue"

@@ -20,7 +20,15 @@ from pliant_print.boolean import solid, surface, united
 from pliant_print.loops import merged
 
 BODY, LINKS = "body", "links"
-PIECES = (1, 3, 4, 5, 6, 8, 12)  # plane pieces along the edge of a curved quadratic face, until the volume agrees
+PIECES = (
+    1,
+    3,
+    4,
+    5,
+    6,
+    8,
+    12,
+)  # plane pieces along the edge of a curved quadratic face, until the volume agrees
 ENOUGH = 2.5e-3  # of the volume: difference between plane pieces and curved faces
 FLAT = 1e-6  # of the module: tolerance of a mirror plane
 

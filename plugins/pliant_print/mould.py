@@ -18,7 +18,7 @@ from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, box, cylinder, simplified, solid, surface, united
 from pliant_print.chain_solid import ChainSolid, section_loops
 from pliant_print.closing import base_flange, cast_part, inlets_at_base, outline
-from pliant_print.config import MouldConfig, PrintConfig
+from pliant_print.config import MouldConfig, SolidConfig
 from pliant_print.draft import drafted, undercut_share
 from pliant_print.loops import Loop, deepest_point, prism, reversed_loop
 from pliant_print.voids import BORE, Ends, stack_ends, void_bodies
@@ -80,7 +80,7 @@ class Mould:
         return float(self.part.volume()) * 1e-9
 
 
-def mould(chain: ChainSolid, config: MouldConfig, printing: PrintConfig, cap_m: float) -> Mould:
+def mould(chain: ChainSolid, config: MouldConfig, printing: SolidConfig, cap_m: float) -> Mould:
     """Return the mould of a chain.
 
     Raises:

@@ -62,7 +62,9 @@ def write_step(bodies: Mapping[str, Sequence[TriangleMesh]], path: Path, name: s
                 number += 1
             breps.append(number - 1)
     items = ",".join(f"#{brep}" for brep in breps)
-    lines.append(f"#15=FACETED_BREP_SHAPE_REPRESENTATION('{safe}',({items}),#13);\nENDSEC;\nEND-ISO-10303-21;\n")
+    lines.append(
+        f"#15=FACETED_BREP_SHAPE_REPRESENTATION('{safe}',({items}),#13);\nENDSEC;\nEND-ISO-10303-21;\n"
+    )
     path.write_text("".join(lines), encoding="ascii")
 
 

@@ -1,4 +1,4 @@
-"""3MF files (3mf.io, core specification 1.3): one object per material, joined as components of one part, millimetres."""
+"""3MF files (3mf.io, core specification 1.3): one object per material, components of one part, in mm."""
 
 from __future__ import annotations
 

@@ -60,7 +60,11 @@ def stack_ends(chain: ChainSolid) -> Ends:
     sides = ~(base | tip)
     of_face = label[whole.faces[:, 0]]
     return Ends(
-        whole, end_loops(whole, base, vertex), end_loops(whole, tip, vertex), voids, sides & (of_face == outer)
+        whole,
+        end_loops(whole, base, vertex),
+        end_loops(whole, tip, vertex),
+        voids,
+        sides & (of_face == outer),
     )
 
 
