@@ -51,7 +51,7 @@ ACTS = {
 def drawn_surface(context: RunContext, study: Study, part: str) -> TriangleMesh:
     """Return the surface of the study's chain at rest, or of one module, as `family.visual` draws it."""
     if part == "module":
-        return welded(seen_surface(context.build("family", study.family)).whole)
+        return welded(seen_surface(context.build("family", study.need("family", "an STL"))).whole)
     study.need("chain", "the STL of a chain")
     check_study(context, study)
     chain = drawn_chain(context, StudyRun(study, build_study_laws(context, study)))
@@ -116,8 +116,8 @@ def export(
     if loaded.model is not None:
         if form or part != "chain" or scale != 1.0 or mould or protocol:
             raise UserError(
-                "--format, --part, --scale, --mould and --protocol are for chains of modules; the ending of --out decides "
-                "for other models."
+                "--format, --part, --scale, --mould and --protocol are for chains of modules; the ending of --out "
+                "decides for other models."
             )
         export_system(session, loaded, out)
         return

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pliant.errors import MissingDependencyError, PluginFailureError
 from pliant.records.design import Array
@@ -91,7 +92,7 @@ def placed(body: Any, rotation: Array, position_m: Array) -> Any:
     return body.transform(np.column_stack([rotation, MM * np.asarray(position_m, float)]))
 
 
-def cylinder(start_m: Array, end_m: Array, radius_m: float, end_radius_m: float | None = None) -> Any:
+def cylinder(start_m: ArrayLike, end_m: ArrayLike, radius_m: float, end_radius_m: float | None = None) -> Any:
     """Return a cylinder or truncated cone between two points."""
     start, end = np.asarray(start_m, float), np.asarray(end_m, float)
     length = float(np.linalg.norm(end - start))
@@ -103,7 +104,7 @@ def cylinder(start_m: Array, end_m: Array, radius_m: float, end_radius_m: float 
     return placed(library().Manifold.cylinder(MM * length, *radii, circular_segments=48), rotation, start)
 
 
-def box(low_m: Array, high_m: Array) -> Any:
+def box(low_m: ArrayLike, high_m: ArrayLike) -> Any:
     """Return the box between two corners."""
     low, high = np.asarray(low_m, float), np.asarray(high_m, float)
     size = tuple((MM * (high - low)).tolist())

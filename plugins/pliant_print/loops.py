@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -16,6 +17,7 @@ from pliant.records.fem import IntArray
 from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, library
 
+Mask = NDArray[np.bool_]
 SAME = 1e-7  # of the size: closer vertices are one
 
 
@@ -61,13 +63,14 @@ def merged(surface: TriangleMesh) -> TriangleMesh:
     return TriangleMesh(surface.vertices_m[first[used]], faces.reshape(-1, 3).astype(np.int64))
 
 
-def on_plane(surface: TriangleMesh, x_m: float, size_m: float) -> Array:
+def on_plane(surface: TriangleMesh, x_m: float, size_m: float) -> Mask:
     """Return which faces lie in the plane x, within a millionth of the size."""
     near = np.abs(surface.vertices_m[:, 0] - x_m) < 1e-6 * size_m
-    return np.asarray(near[surface.faces].all(axis=1))
+    mask: Mask = np.asarray(near[surface.faces].all(axis=1))
+    return mask
 
 
-def end_loops(surface: TriangleMesh, chosen: Array, labels: IntArray | None = None) -> list[Loop]:
+def end_loops(surface: TriangleMesh, chosen: Mask, labels: IntArray | None = None) -> list[Loop]:
     """Return the loops around faces of one plane; `labels` are those of the surface's vertices (`Loop.void`)."""
     faces = surface.faces[chosen]
     if not len(faces):

@@ -115,7 +115,7 @@ def mould(chain: ChainSolid, config: MouldConfig, printing: SolidConfig, cap_m: 
     grow = (scale, scale, scale)
     flange = base_flange(chain, ends, printing, inlets_at_base(ends, printing))
     return Mould(
-        tuple(simplified(one).scale(grow) for one in halves),  # type: ignore[arg-type]
+        (simplified(halves[0]).scale(grow), simplified(halves[1]).scale(grow)),
         {name: simplified(one).scale(grow) for name, one in cores.items()},
         {name: simplified(one) for name, one in inserts.items()},
         simplified(flange),

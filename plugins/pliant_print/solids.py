@@ -57,7 +57,7 @@ class PrintedSolid:
         bodies: by material, in the frame of the chain's base (a module: in its own).
         modules_m3, fem_m3: volume of the modules, measured on the solid, and by the FEM's quadrature.
         module_walls: thinnest wall of each material of the modules, before cap and flange are added.
-        thinnest: wall of the whole solid.
+        thinnest: wall of all bodies together, as they are bonded to each other.
         standing, best: overhangs on the base, and in the best of six directions.
         base_rotation, base_position_m: pose of the base in the world.
         height_m: of the flange below the base.
@@ -177,8 +177,9 @@ def _checked(
             f"the modules' solid has {1e9 * modules_m3:.5g} mm³ and the FEM's mesh {1e9 * fem_m3:.5g} mm³; nothing was "
             "written."
         )
-    thinnest = min((thinnest_wall(body) for body in bodies.values()), key=lambda wall: wall.thickness_m)
-    standing, best = best_direction(surface(united(bodies.values())), printer.max_overhang_rad)
+    whole = united(bodies.values())
+    thinnest = thinnest_wall(whole)
+    standing, best = best_direction(surface(whole), printer.max_overhang_rad)
     return PrintedSolid(
         tuple(made),
         modules_m3,
@@ -202,7 +203,7 @@ def densities(context: RunContext, study: Study, module: ModuleSolid) -> dict[st
         return {}
     found = {BODY: soft, **region_densities(study)}
     if LINKS in module.bodies:
-        family: ActuatorFamily = context.build("family", study.family)
+        family: ActuatorFamily = context.build("family", study.need("family", "a solid"))
         mass = family.mass(soft, region_densities(study)) if family.regions else family.mass(soft)
         whole = mass.start.mass_kg + mass.end.mass_kg
         meshed = sum(found.get(k, soft) * v for k, v in module.volumes_m3.items() if k != LINKS)

@@ -15,7 +15,7 @@ from pliant.records.fem import IntArray
 from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import surface, united
 from pliant_print.chain_solid import ChainSolid
-from pliant_print.loops import Loop, end_loops, on_plane
+from pliant_print.loops import Loop, Mask, end_loops, on_plane
 
 NEAR = 1e-4  # of the size: a cavity's node so near to a wall lies on it
 BORE = "bore"  # a passage that no pressure acts in
@@ -36,7 +36,7 @@ class Ends:
     base: list[Loop]
     tip: list[Loop]
     voids: dict[int, str]
-    outer: Array
+    outer: Mask
 
     def named(self, loop: Loop) -> str:
         """Return the name of the void behind a hole."""
@@ -73,7 +73,7 @@ def _normal_x(whole: TriangleMesh) -> Array:
     return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 0])
 
 
-def _components(whole: TriangleMesh, sides: Array) -> tuple[IntArray, int]:
+def _components(whole: TriangleMesh, sides: Mask) -> tuple[IntArray, int]:
     """Return for each vertex the component of the side faces that it is on, and the number of the outer one."""
     faces, n = whole.faces[sides], len(whole.vertices_m)
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
