@@ -23,8 +23,9 @@ from pliant_print.closing import RIBBON, ClosedChain, closed_chain, modules_volu
 from pliant_print.config import PrinterConfig, SolidConfig
 from pliant_print.module_solid import BODY, LINKS, ModuleSolid, module_solid
 from pliant_print.stack import study_pieces, study_refinement
-from pliant_print.walls import Overhang, Wall, best_direction, thinnest_wall
+from pliant_print.walls import MOST_RAYS, Overhang, Wall, best_direction, thinnest_wall
 
+FEW_RAYS = 20_000  # of a candidate of a search
 VOLUME_BAR = 5e-3  # of the FEM's volume
 
 
@@ -105,9 +106,9 @@ def chain_of(
     return chain, walls, config, densities(context, study, chain.first)
 
 
-def module_walls(module: ModuleSolid) -> dict[str, Wall]:
+def module_walls(module: ModuleSolid, rays: int = MOST_RAYS) -> dict[str, Wall]:
     """Return the thinnest wall of each material of a module."""
-    return {name: thinnest_wall(solid(part, name)) for name, part in module.bodies.items()}
+    return {name: thinnest_wall(solid(part, name), rays) for name, part in module.bodies.items()}
 
 
 def printed_chain(context: RunContext, study: Study) -> PrintedSolid:
@@ -215,7 +216,7 @@ def thinnest_wall_m(context: RunContext, study: Study) -> float:
     """Return the thinnest wall of the study's modules, for formulas of a search."""
     pieces = study_pieces(context, study)
     modules = {id(piece.module): piece.module for piece in pieces if piece.module}
-    return min(wall.thickness_m for one in modules.values() for wall in module_walls(one).values())
+    return min(wall.thickness_m for one in modules.values() for wall in module_walls(one, FEW_RAYS).values())
 
 
 __all__ = (

@@ -41,7 +41,7 @@ class Overhang:
     worst_rad: float
 
 
-def thinnest_wall(body: Any) -> Wall:
+def thinnest_wall(body: Any, rays: int = MOST_RAYS) -> Wall:
     """Return the thinnest wall of a manifold: the smallest sphere inside that touches a face and one about opposite.
 
     A ray goes inward from a face; from its length and the angle between both faces follows the sphere's diameter.
@@ -53,7 +53,7 @@ def thinnest_wall(body: Any) -> Wall:
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
     real = np.flatnonzero(area > 1e-9 * area.max())
-    real = real[:: max(1, 4 * len(real) // MOST_RAYS)]
+    real = real[:: max(1, 4 * len(real) // rays)]
     centre = corners[real].mean(axis=1, keepdims=True)
     starts = np.concatenate([centre, centre + NEAR_CORNER * (corners[real] - centre)], axis=1)
     normals = np.repeat(normal[real] / area[real, None], 4, axis=0)
