@@ -26,8 +26,8 @@ from pliant_plugins.families.bellow_bending.family import BellowBending, BellowB
 from pliant_plugins.families.mesh_file.family import MeshFile, MeshFileConfig
 from pliant_plugins.families.mesh_file.netgen import mesh_cad
 from pliant_plugins.families.pneunet.family import Pneunet, PneunetConfig
-from pliant_print.boolean import surface, united, volume_m3
 from pliant_print.boolean import solid as manifold
+from pliant_print.boolean import surface, united, volume_m3
 from pliant_print.module_solid import divided, module_solid
 
 BAR = 0.01
@@ -85,9 +85,7 @@ def again(family: ActuatorFamily, largest: float, inner: float | None, folder: P
     stl, mesh = folder / "quarter.stl", folder / "quarter.msh"
     quarter_stl(family, stl)
     mesh_cad(stl, mesh, largest, naming(family), inner=inner)
-    return MeshFile(
-        MeshFileConfig(file=mesh, unit="mm", part="half", symmetry="symmetry", line_height_m=0.0)
-    )
+    return MeshFile(MeshFileConfig(file=mesh, unit="mm", part="half", symmetry="symmetry", line_height_m=0.0))
 
 
 def figures(family: ActuatorFamily, pressures_pa: Sequence[float], refinement: int = 1) -> dict[str, Any]:

@@ -70,7 +70,8 @@ def figures(one: Case) -> dict[str, Any]:
     """Return the figures of a case."""
     stated = CAD_WALLS_M if one.name == MESH_FILE else DESIGNS[one.name].walls_m
     walls = {
-        material: one.printed.module_walls[material].thickness_m / wall - 1 for material, wall in stated.items()
+        material: one.printed.module_walls[material].thickness_m / wall - 1
+        for material, wall in stated.items()
     }
     checks = [body.check for body in one.printed.bodies]
     parts = [check_surface(surface(body)) for body in (*one.mould.halves, *one.mould.cores.values())]

@@ -44,12 +44,12 @@ def check_surface(surface: TriangleMesh) -> SurfaceCheck:
 
 
 def open_edges(faces: IntArray) -> int:
-    """Return the number of directed edges that the reversed edge of exactly one other triangle does not answer."""
+    """Return the number of edges of triangles that no other one runs along the other way, or several run along."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     n = int(faces.max()) + 1
     there, count = np.unique(edges[:, 0] * n + edges[:, 1], return_counts=True)
     back = np.unique(edges[:, 1] * n + edges[:, 0])
-    return int(len(np.setxor1d(there, back)) + (count > 1).sum())
+    return int(len(np.setdiff1d(there, back)) + (count > 1).sum())
 
 
 def crossings(surface: TriangleMesh) -> int:

@@ -18,6 +18,7 @@ from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, library
 
 Mask = NDArray[np.bool_]
+EQUAL = 0.98  # of the largest distance from a loop
 SAME = 1e-7  # of the size: closer vertices are one
 
 
@@ -134,7 +135,10 @@ def reversed_loop(loop: Loop) -> Loop:
 
 
 def deepest_point(loop: Loop) -> tuple[Array, float]:
-    """Return the point (2,) inside the loop that is farthest from it, and its distance, on a grid of 41 × 41."""
+    """Return the point (2,) inside the loop that is farthest from it, and its distance, on a grid of 41 × 41.
+
+    Of points that are almost as far, as in the middle of a rectangle, it is the one nearest to the loop's centre.
+    """
     points = loop.points_m
     low, high = points.min(axis=0), points.max(axis=0)
     axes = [np.linspace(a, b, 43)[1:-1] for a, b in zip(low, high, strict=True)]
@@ -145,7 +149,8 @@ def deepest_point(loop: Loop) -> tuple[Array, float]:
     share = np.einsum("gkj,kj->gk", grid[:, None] - points, along) / (along**2).sum(axis=1)
     nearest = points + np.clip(share, 0, 1)[..., None] * along
     distance = np.linalg.norm(grid[:, None] - nearest, axis=2).min(axis=1)
-    best = int(np.argmax(distance))
+    off = np.linalg.norm(grid - (low + high) / 2, axis=1)
+    best = int(np.argmin(np.where(distance > EQUAL * distance.max(), off, np.inf)))
     return grid[best], float(distance[best])
 
 

@@ -12,8 +12,8 @@ from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, surface
 
 OPPOSITE = 0.85  # least cosine of the angle between both sides of a wall; a wedge has less
-PARALLEL = 0.98  # cosine of angles, up to 11°, that plane pieces of curved walls make with each other
-MOST_RAYS = 160_000
+LONGEST = 1.05  # of the thinnest wall so far: a longer first ray needs no second one
+MOST_RAYS = 60_000
 NEAR_CORNER = 0.96  # of the way from a triangle's centre to its corner
 STEP = 1e-6  # of the ray's length: its start below the face
 
@@ -42,9 +42,9 @@ class Overhang:
 
 
 def thinnest_wall(body: Any, rays: int = MOST_RAYS) -> Wall:
-    """Return the thinnest wall of a manifold: the smallest sphere inside that touches a face and one about opposite.
+    """Return the thinnest wall of a manifold: the shortest way from a face to one about opposite.
 
-    A ray goes inward from a face; from its length and the angle between both faces follows the sphere's diameter.
+    A ray goes inward from a face; a second one from the same point at equal angles to both faces, as across a wedge.
     Four rays start in each triangle, at its centre and near its corners; of very many triangles in every n-th. Edges
     where faces meet at an acute angle are no walls.
     """
@@ -61,17 +61,24 @@ def thinnest_wall(body: Any, rays: int = MOST_RAYS) -> Wall:
     best, where = np.inf, np.zeros(3)
     for start, n in zip(starts.reshape(-1, 3), normals, strict=True):
         begin = start - STEP * reach * n
-        limit = min(reach, best) * 1.01
-        for hit in body.ray_cast(tuple(begin.tolist()), tuple((start - limit * n).tolist())):
-            cosine = -float(np.dot(hit.normal, n))
-            if cosine > OPPOSITE:
-                way = float(np.dot(start - np.asarray(hit.position), n))
-                # 1 − tan² of half the angle between both sides
-                thick = way if cosine > PARALLEL else way * (1 - (1 - cosine) / (1 + cosine))
-                if STEP * reach * 2 < thick < best:
-                    best, where = thick, start
-                break
+        first = _opposite(body, begin, -n, n, min(reach, 2 * best))
+        if first is None or first[0] > LONGEST * best:
+            continue
+        across = first[1] - n  # perpendicular to the plane midway between both sides
+        across /= np.linalg.norm(across)
+        second = _opposite(body, begin, across, n, min(reach, 2 * best)) or first
+        if 2 * STEP * reach < second[0] < best:
+            best, where = second[0], start
     return Wall(best / MM, (float(where[0] / MM), float(where[1] / MM), float(where[2] / MM)))
+
+
+def _opposite(body: Any, start: Array, way: Array, normal: Array, reach: float) -> tuple[float, Array] | None:
+    """Return distance and normal of the first face on a ray, if it is about opposite to a normal; else None."""
+    end = start + reach * way
+    hits = body.ray_cast(tuple(start.tolist()), tuple(end.tolist()))
+    if not hits or -float(np.dot(hits[0].normal, normal)) < OPPOSITE:
+        return None
+    return float(np.linalg.norm(np.asarray(hits[0].position) - start)), np.asarray(hits[0].normal, float)
 
 
 def overhang(skin: TriangleMesh, up: Array, name: str, limit_rad: float) -> Overhang:

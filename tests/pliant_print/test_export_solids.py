@@ -24,8 +24,12 @@ def objects_of(path: Path) -> dict[str, trimesh.Trimesh]:
     """Return the bodies of a 3MF file, in mm, by name."""
     text = zipfile.ZipFile(path).read("3D/3dmodel.model").decode()
     found = {}
-    for name, mesh in re.findall(r'<object id="\d+" type="model" name="([^"]+)"[^>]*>(<mesh>.*?</mesh>)', text):
-        points = [[float(x) for x in one] for one in re.findall(r'<vertex x="(.*?)" y="(.*?)" z="(.*?)"', mesh)]
+    for name, mesh in re.findall(
+        r'<object id="\d+" type="model" name="([^"]+)"[^>]*>(<mesh>.*?</mesh>)', text
+    ):
+        points = [
+            [float(x) for x in one] for one in re.findall(r'<vertex x="(.*?)" y="(.*?)" z="(.*?)"', mesh)
+        ]
         faces = [[int(k) for k in one] for one in re.findall(r'v1="(\d+)" v2="(\d+)" v3="(\d+)"', mesh)]
         found[name] = trimesh.Trimesh(points, faces, process=False)
     return found
