@@ -67,8 +67,9 @@ def thinnest_wall(body: Any, rays: int = MOST_RAYS) -> Wall:
         across = first[1] - n  # perpendicular to the plane midway between both sides
         across /= np.linalg.norm(across)
         second = _opposite(body, begin, across, n, min(reach, 2 * best)) or first
-        if 2 * STEP * reach < second[0] < best:
-            best, where = second[0], start
+        thick = second[0] + STEP * reach
+        if 3 * STEP * reach < thick < best:
+            best, where = thick, start
     return Wall(best / MM, (float(where[0] / MM), float(where[1] / MM), float(where[2] / MM)))
 
 

@@ -58,7 +58,7 @@ def test_the_same_study_gives_the_same_file(pliant, pneunet):
 
 def test_the_bill_weighs_each_material_and_states_test_pressures(pliant, pneunet):
     pliant("export", pneunet, "--out", "robot.3mf").done()
-    rows = list(csv.DictReader(Path("robot.bill.csv").open()))
+    rows = list(csv.DictReader(Path("robot.bill.csv").read_text().splitlines()))
     layer = next(row for row in rows if row["material"] == "layer")
     assert float(layer["mass_g"]) == pytest.approx(1.3e-3 * 300, rel=1e-4)
     assert [float(row["pressure_kpa"]) for row in rows if row["item"] == "test"] == [3.75, 7.5, 11.25, 15.0]

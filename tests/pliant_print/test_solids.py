@@ -174,8 +174,8 @@ def test_merging_keeps_a_surface_that_is_closed_already():
 
 def test_a_law_without_a_family_is_refused(pliant, workplace):
     Path("stated.yaml").write_text(
-        "pliant: 1\nname: stated\nsurrogate: {kind: polynomial, form: study, coefficients: {k_n: 1e-6, m_a: 0, b_a: 0, m_e: 0, "
-        "b_e: 0.02}}\nchain: {modules: 2, module_length: 10 mm, gravity: [0, 0, 0]}\n"
+        "pliant: 1\nname: stated\nsurrogate: {kind: polynomial, form: study, coefficients: {k_n: 1e-6, m_a: 0, b_a: 0, "
+        "m_e: 0, b_e: 0.02}}\nchain: {modules: 2, module_length: 10 mm, gravity: [0, 0, 0]}\n"
     )
     pliant("export", "stated.yaml", "--out", "a.3mf").refused("needs a 'family' block")
 
