@@ -63,8 +63,8 @@ DESIGNS: Mapping[str, Printed] = {
     ),
     "tendon_joint": Printed(
         "{kind: tendon_joint, module_length: 29 mm, flexure_length: 6 mm, flexure_thickness: 2 mm, "
-        "flexure_width: 12 mm, tendon_offset: 4 mm, tendon_setback: 3 mm, link_height: 14 mm, link_width: 14 mm, link_density: 1200 kg/m^3, "
-        "closing_angle: 80 deg, opening_angle: 30 deg}",
+        "flexure_width: 12 mm, tendon_offset: 4 mm, tendon_setback: 3 mm, link_height: 14 mm, link_width: 14 mm, "
+        "link_density: 1200 kg/m^3, closing_angle: 80 deg, opening_angle: 30 deg}",
         {"body": 2.0 * MM},
         drive="tendon_force_max: 2 N",
     ),

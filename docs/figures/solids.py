@@ -29,7 +29,7 @@ COLOURS = {
 Drawn = Sequence[tuple[str, Any]]
 
 
-@numba.njit(cache=True)
+@numba.njit
 def _fill(corners: Array, shade: Array, depth: Array, image: Array) -> None:
     """Draw triangles (n, 3, 3) in pixels, depth last, nearer is larger."""
     size = depth.shape[0]

@@ -177,7 +177,7 @@ def test_a_law_without_a_family_is_refused(pliant, workplace):
         "pliant: 1\nname: stated\nsurrogate: {kind: polynomial, form: study, coefficients: {k_n: 1e-6, m_a: 0, b_a: 0, "
         "m_e: 0, b_e: 0.02}}\nchain: {modules: 2, module_length: 10 mm, gravity: [0, 0, 0]}\n"
     )
-    pliant("export", "stated.yaml", "--out", "a.3mf").refused("needs a 'family' block")
+    pliant("export", "stated.yaml", "--out", "a.3mf").refused("has no 'family' block")
 
 
 def test_a_family_with_its_volume_wrong_is_not_written(tmp_path, monkeypatch):
