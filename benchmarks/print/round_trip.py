@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ PNEUNET = Pneunet(
 # Family, largest edge (mm), largest edge along sharp inner edges (mm), pressures.
 CASES: Mapping[str, tuple[ActuatorFamily, float, float | None, Sequence[float]]] = {
     "bellow_bending": (BELLOW, 0.8, 0.15, PRESSURES_PA),
-    "pneunet, one material": (PNEUNET, 1.2, 0.3, (3e3, 6e3, 9e3)),
+    "pneunet, one material": (PNEUNET, 1.5, 0.4, (3e3, 6e3, 9e3)),
 }
 
 
@@ -89,8 +90,10 @@ def again(family: ActuatorFamily, largest: float, inner: float | None, folder: P
 
 
 def figures(family: ActuatorFamily, pressures_pa: Sequence[float], refinement: int = 1) -> dict[str, Any]:
-    """Return free angles, torque held straight, slope at rest, and the size of the problem."""
-    model = make_solver(family.problem(refinement), MU, pressure_max_pa=pressures_pa[-1])
+    """Return free angles, torque held straight, slope at rest, and the size of the problem; all of one material."""
+    problem = family.problem(refinement)
+    problem = replace(problem, mesh=replace(problem.mesh, regions={}))
+    model = make_solver(problem, MU, pressure_max_pa=pressures_pa[-1])
     states = [model.rest()]
     for pressure in pressures_pa:
         states.append(model.free(pressure, states[-1]))
