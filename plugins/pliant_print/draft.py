@@ -19,7 +19,7 @@ UNDER_RAD = 0.01  # by which a face must look back to be an undercut: less is ro
 def drafted(half: Any, pull: Array, draft_rad: float, kept_m: Array | None = None) -> Any:
     """Return half of a shape, on one side of the plane through the origin across `pull`, with draft on its faces.
 
-    Faces along the pull are inclined about their line at half the depth, so that the volume hardly changes: near the
+    Faces along the pull are inclined about the line at their mean depth, so that the volume hardly changes: near the
     parting plane the shape is wider, far from it narrower. Vertices at the points `kept_m` (k, 3) stay.
     """
     skin = surface(half)
@@ -28,7 +28,8 @@ def drafted(half: Any, pull: Array, draft_rad: float, kept_m: Array | None = Non
     area, normal = _areas_and_normals(skin)
     lacking = np.tan(np.maximum(draft_rad - np.arcsin(np.clip(np.abs(normal @ pull), 0.0, 1.0)), 0.0))
     depth = np.abs(skin.vertices_m @ pull)
-    lever = depth.max() / 2 - depth
+    share = area * lacking
+    lever = (share @ depth[skin.faces].mean(axis=1)) / max(float(share.sum()), 1e-300) - depth
     weight = area / area.mean()
     # Each vertex moves d with n·d = what the face lacks, by least squares over its faces' areas.
     system = np.zeros((len(depth), 3, 3))
