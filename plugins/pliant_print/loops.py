@@ -134,22 +134,24 @@ def reversed_loop(loop: Loop) -> Loop:
     return Loop(loop.ids[::-1].copy(), loop.points_m[::-1].copy(), loop.void)
 
 
-def deepest_point(loop: Loop) -> tuple[Array, float]:
+def deepest_point(loop: Loop, holes: Sequence[Loop] = (), on_y0: bool = False) -> tuple[Array, float]:
     """Return the point (2,) inside the loop that is farthest from it, and its distance, on a grid of 41 × 41.
 
-    Of points that are almost as far, as in the middle of a rectangle, it is the one nearest to the loop's centre.
+    Of points that are almost as far, as in the middle of a rectangle, it is the one nearest to the loop's centre or,
+    with `on_y0`, to the plane y = 0. Points in `holes` are outside.
     """
-    points = loop.points_m
-    low, high = points.min(axis=0), points.max(axis=0)
+    every = [loop, *holes]
+    points = np.concatenate([one.points_m for one in every])
+    low, high = loop.points_m.min(axis=0), loop.points_m.max(axis=0)
     axes = [np.linspace(a, b, 43)[1:-1] for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    ends = np.roll(points, -1, axis=0)
+    ends = np.concatenate([np.roll(one.points_m, -1, axis=0) for one in every])
     grid = grid[_inside(grid, points, ends)]
     along = ends - points
     share = np.einsum("gkj,kj->gk", grid[:, None] - points, along) / (along**2).sum(axis=1)
     nearest = points + np.clip(share, 0, 1)[..., None] * along
     distance = np.linalg.norm(grid[:, None] - nearest, axis=2).min(axis=1)
-    off = np.linalg.norm(grid - (low + high) / 2, axis=1)
+    off = np.abs(grid[:, 0]) if on_y0 else np.linalg.norm(grid - (low + high) / 2, axis=1)
     best = int(np.argmin(np.where(distance > EQUAL * distance.max(), off, np.inf)))
     return grid[best], float(distance[best])
 

@@ -176,12 +176,12 @@ def _channels(soft: Any, chain: ChainSolid, cap_m: float, high: Array, config: M
 
 
 def _from_tip(piece: Any, top: float, end: float, config: MouldConfig) -> list[Any]:
-    loops: list[Loop] = sorted(
-        (one for one in section_loops({"": piece}, top, 1) if not one.is_hole), key=lambda one: -one.area_m2
-    )
+    every = section_loops({"": piece}, top, 1)
+    holes = [one for one in every if one.is_hole]
+    loops: list[Loop] = sorted((one for one in every if not one.is_hole), key=lambda one: -one.area_m2)
     made = []
     for number, loop in enumerate(loops):
-        point, reach = deepest_point(loop)
+        point, reach = deepest_point(loop, holes, on_y0=True)
         radius = min(config.sprue_m / 2, 0.8 * reach) if number == 0 else min(VENT_M, 0.6 * reach)
         place = np.array([0.0, 0.0 if abs(point[0]) < reach / 4 else point[0], point[1]])
         wide = radius + (end - top) * float(np.tan(config.draft_rad)) * 2

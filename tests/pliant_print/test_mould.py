@@ -71,3 +71,11 @@ def test_draft_inclines_faces_along_the_pull_and_keeps_the_volume():
     far = skin.vertices_m[skin.vertices_m[:, 1] > 5e-3]
     near = skin.vertices_m[skin.vertices_m[:, 1] < 1e-3]
     assert np.ptp(near[:, 2]) - np.ptp(far[:, 2]) == pytest.approx(2 * 6e-3 * np.tan(angle), rel=1e-3)
+
+
+def test_the_sprue_of_a_tube_with_a_bore_enters_rubber_and_not_the_core(tmp_path):
+    made = made_mould(tmp_path, "three_chamber")
+    top = max(one.bounding_box()[3] for one in made.halves)
+    hits = [half.ray_cast((top + 1, 0.0, z), (top - 5, 0.0, z)) for half in made.halves for z in (-6.0, 6.0)]
+    assert any(not hit for hit in hits)  # the sprue is open beside the bore, r = 6 mm
+    assert all(half.ray_cast((top + 1, 0.3, 0.0), (top - 2, 0.3, 0.0)) for half in made.halves[:1])
