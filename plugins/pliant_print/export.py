@@ -63,7 +63,8 @@ def write_solid(made: PrintedSolid, out: Path, form: str, scale: float, name: st
     STL and STEP have the chain at its pose in the world; 3MF has it upright on the printer's bed.
     """
     if form == "3mf":
-        lift = np.array([0.0, 0.0, made.height_m])
+        lowest = min(float(body.surface.vertices_m[:, 0].min()) for body in made.bodies)
+        lift = np.array([0.0, 0.0, -lowest])
         write_3mf({body.name: body.surface.placed(UP, lift) for body in made.bodies}, out, name)
         return [out]
     placed = {

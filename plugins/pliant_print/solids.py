@@ -61,7 +61,6 @@ class PrintedSolid:
         thinnest: wall of all bodies together, as they are bonded to each other.
         standing, best: overhangs on the base, and in the best of six directions.
         base_rotation, base_position_m: pose of the base in the world.
-        height_m: of the flange below the base.
         notes: sentences on what was added.
         closed: the closed chain; None for a module.
     """
@@ -75,7 +74,6 @@ class PrintedSolid:
     best: Overhang
     base_rotation: Array
     base_position_m: Array
-    height_m: float = 0.0
     notes: tuple[str, ...] = ()
     closed: ClosedChain | None = None
 
@@ -191,7 +189,6 @@ def _checked(
         best,
         rotation,
         position_m,
-        closed.flange_m if closed else 0.0,
         closed.notes if closed else (),
         closed,
     )
