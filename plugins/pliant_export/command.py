@@ -136,8 +136,8 @@ def export(
         raise UserError("--protocol is for solids and moulds; for other files use 'pliant plan'.")
     if scale != 1.0 or part not in ("chain", "scene") or (part == "scene" and wanted != SCENE):
         raise UserError(
-            "--part module is for 3MF, STL and STEP, --scale for STL, --part scene for MJCF; other files hold the "
-            "chain in metres."
+            "--part module is for 3MF, STL and STEP, --part scene is for MJCF, --scale is for STL; other files hold "
+            "the chain in metres."
         )
     if wanted in LAW_FORMATS:
         _export_law(session, loaded, out, wanted)
