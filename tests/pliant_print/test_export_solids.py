@@ -109,3 +109,18 @@ def test_the_mould_s_files_are_closed_and_the_bill_tells_what_to_mix(pliant, pne
 def test_wrong_words(pliant, pneunet, words, told):
     pliant("export", pneunet, *words).refused(told)
     assert not Path("a").exists() and not Path("a.3mf").exists()
+
+
+@pytest.mark.slow
+def test_the_protocol_of_the_first_run_lies_beside_the_file(pliant, workplace):
+    law = (
+        "{kind: polynomial, form: study, coefficients: {k_n: 2e-6, m_a: 0, b_a: 0, m_e: 0, b_e: 0.04}, "
+        "domain: {actuation: [0, 20000], deformation: [-2, 2]}}"
+    )
+    text = study_text("fibre_reinforced", modules=1).split("material:")[0]
+    Path("tube.yaml").write_text(
+        f"{text}surrogate: {law}\nchain: {{modules: 1, gravity: [0, 0, 0]}}\n"
+        "task: {kind: free_bending, pressure: 10 kPa, steps: 1}\n"
+    )
+    pliant("export", "tube.yaml", "--out", "tube.3mf", "--protocol").done()
+    assert len(list(Path().glob("run_1_*.csv"))) == 1
