@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from pliant_plugins.tasks.ramp import FreeBendingConfig as FreeBendingConfig
     from pliant_plugins.tasks.ramp import TipLoadConfig as TipLoadConfig
     from pliant_plugins.tasks.reach import ReachConfig as ReachConfig
+    from pliant_plugins.tasks.reach_around.config import ReachAroundConfig as ReachAroundConfig
     from pliant_plugins.tasks.tendon_finger import TendonFingerConfig as TendonFingerConfig
 
 
