@@ -76,6 +76,12 @@ class SceneRecord:
             outside_domain=entries,
         )
 
+    def tip_speed_m_s(self) -> float:
+        """Return the mean speed of the fastest tip between the last two frames."""
+        passed = self.states[-1].time_s - self.states[-2].time_s
+        moved = zip(self.markers_m[-1], self.markers_m[-2], strict=True)
+        return max(float(np.linalg.norm(now[-1] - then[-1])) for now, then in moved) / passed
+
     @property
     def frames(self) -> SceneFrames:
         """The motion, for pictures."""

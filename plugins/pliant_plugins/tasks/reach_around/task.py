@@ -34,6 +34,7 @@ MEASURED = (
     "least_clearance_m",
     "press_n",
     "largest_press_n",
+    "tip_speed_m_s",
 )
 
 
@@ -41,7 +42,7 @@ class ReachAround(SceneTask):
     """Copies of the chain among fixed obstacles, each actuated until its tip is at its target.
 
     Metrics: `distance_m`, the largest of the tips from their targets; `angle_rad` from the directions; `clearance_m`
-    of the chains' capsules from the obstacles at the end, and the least of the motion; `press_n` on the obstacles.
+    of the chains' capsules from the obstacles at the end, and the least of the motion; `press_n` on the obstacles; `tip_speed_m_s`, small where the chain is at rest.
     """
 
     config: ReachAroundConfig
@@ -107,7 +108,7 @@ class ReachAround(SceneTask):
             return {**dict.fromkeys(chain.inputs, 0.0), **arm.inputs}
         config, engine = self.config, QuasistaticConfig()
         direction = None if arm.direction is None else np.array(arm.direction)
-        keeps = self._clearance(chain) if config.contact == "avoid" else None
+        keeps = self.clearance(chain) if config.contact == "avoid" else None
         target = Target(tip_m=np.array(arm.tip_m), direction=direction, clearance=keeps)
         if keeps is None:
             simulation = ChainAmongObstacles(chain, solids(self.obstacles), engine)
@@ -123,7 +124,7 @@ class ReachAround(SceneTask):
         """Return the metrics of a recorded motion."""
         config = self.config
         ends = record.markers_m[-1]
-        keeps = [self._clearance(arm.chain) for arm in record.scene.arms]
+        keeps = [self.clearance(arm.chain) for arm in record.scene.arms]
         clear = [min(k.smallest_m(m) for k, m in zip(keeps, seen, strict=True)) for seen in record.markers_m]
         tips = zip(ends, config.arms, strict=True)
         metrics = {"distance_m": max(float(np.linalg.norm(m[-1] - one.tip_m)) for m, one in tips)}
@@ -141,9 +142,11 @@ class ReachAround(SceneTask):
             "least_clearance_m": min(clear),
             "press_n": presses[-1],
             "largest_press_n": max(presses),
+            "tip_speed_m_s": record.tip_speed_m_s(),
         }
 
-    def _clearance(self, chain: ChainModel) -> Clearance:
+    def clearance(self, chain: ChainModel) -> Clearance:
+        """Return the clearance of an arm from the obstacles."""
         radius = capsule_radius_m(chain, self.config.radius_m, KIND)
         return Clearance(solids(self.obstacles), radius, self.config.clearance_m)
 
