@@ -278,6 +278,14 @@ COMPONENTS = (
     ),
     _shipped(
         "task",
+        "push",
+        "tasks.push.task:Push",
+        "press on a wall: holding force and stiffness over the wall's place and the actuation",
+        config="tasks.push.config:PushConfig",
+        example={"pressure": "8 kPa", "wall": {"position": ["15 mm", "0 mm", "0 mm"], "normal": [-1, 0, 0]}},
+    ),
+    _shipped(
+        "task",
         "grasp",
         "tasks.grasp.task:Grasp",
         "lower fingers over an object, actuate them and lift it",
