@@ -66,7 +66,9 @@ def main() -> None:
         ratio = cpu["plain"] / cpu["ours"]
         print(f"{kind:<13}" + "".join(f" {name} {value:.3f} s" for name, value in cpu.items()))
         print(f"{kind:<13} speed {ratio:.2f} × plain MuJoCo, {cpu['bare'] / cpu['ours']:.2f} × without laws")
-        bars.append(Bar(f"{kind}: speed against plain MuJoCo with the same laws", ratio, SPEED, "×", at_most=False))
+        bars.append(
+            Bar(f"{kind}: speed against plain MuJoCo with the same laws", ratio, SPEED, "×", at_most=False)
+        )
         measured = _measured(task, chain)
         for name in COMPARED[kind]:
             still = measured["quasistatic"][name]

@@ -54,7 +54,9 @@ def test_residual_and_stiffness_are_slopes_of_the_potential(solid) -> None:
 def test_a_lever_presses_with_its_moment_over_its_arm() -> None:
     """One joint without weight: the force times the lever is the effort of the law at the angle where it stops."""
     chain = finger(1).with_(gravity_m_s2=np.zeros(3))
-    wall = solid_from_shape(Shape("box", (1.0, 1.0, 1.0), np.array([1.0 + RADIUS_M + 2e-4, 0.0, 0.0]), np.eye(3)))
+    wall = solid_from_shape(
+        Shape("box", (1.0, 1.0, 1.0), np.array([1.0 + RADIUS_M + 2e-4, 0.0, 0.0]), np.eye(3))
+    )
     simulation, settled = pressed(chain, wall)
     contacts = simulation.contacts(0, ["wall"])
     joint, tip = settled.markers_m[1], settled.markers_m[-1]

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from tests.tasks.conftest import built
+from tests.tasks.test_reach_around import ENGINES
 
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
@@ -16,8 +18,6 @@ from pliant.records.rollout import Inputs, TaskResult
 from pliant.testing.samples import linear_law, sample_chain
 from pliant_plugins.tasks.push.config import PushConfig
 from pliant_plugins.tasks.push.task import Push
-from tests.tasks.conftest import built
-from tests.tasks.test_reach_around import ENGINES
 
 WALL = {"position": ["25 mm", "0 mm", "0 mm"], "normal": [-1, 0, 0]}
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from tests.tasks.conftest import built
 
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
@@ -18,11 +19,15 @@ from pliant.records.shape import Shape
 from pliant.testing.samples import lopsided_box
 from pliant_plugins.tasks.reach_around.config import ReachAroundConfig
 from pliant_plugins.tasks.reach_around.task import ReachAround
-from tests.tasks.conftest import built
 
 SHELF = {"box": ["50 mm", "40 mm", "8 mm"], "position": ["42 mm", "0 mm", "-50 mm"]}
 BOUNDS = {"pressure_1_pa": ["0 kPa", "15 kPa"], "pressure_2_pa": ["0 kPa", "15 kPa"]}
-STIFF = {"joint_damping": 3e-3, "contact_stiffness": 1e6, "contact_damping": 2e3, "contact_timestep": "0.5 ms"}
+STIFF = {
+    "joint_damping": 3e-3,
+    "contact_stiffness": 1e6,
+    "contact_damping": 2e3,
+    "contact_timestep": "0.5 ms",
+}
 ENGINES: dict[str, dict[str, Any]] = {
     "quasistatic": {},
     "mujoco": STIFF,
@@ -31,7 +36,13 @@ ENGINES: dict[str, dict[str, Any]] = {
 
 
 def reach_around(**keys: object) -> ReachAround:
-    block = {"arms": [{"tip": ["50 mm", "0 mm", "-78 mm"]}], "obstacles": [SHELF], "radius": "7 mm", "bounds": BOUNDS, "samples": 32}
+    block = {
+        "arms": [{"tip": ["50 mm", "0 mm", "-78 mm"]}],
+        "obstacles": [SHELF],
+        "radius": "7 mm",
+        "bounds": BOUNDS,
+        "samples": 32,
+    }
     return ReachAround(ReachAroundConfig.model_validate({**block, **keys}))
 
 
@@ -61,12 +72,16 @@ def test_inverse_statics_keeps_the_clearance(arm: ChainModel) -> None:
     far = [{"sphere": "1 mm", "position": ["500 mm", "0 mm", "0 mm"]}]
     free = reach_around(obstacles=far)
     inputs = free.actuation(free.scene(arm).arms[0].chain, free.config.arms[0])
-    through = run(reach_around(arms=[{"tip": ["50 mm", "0 mm", "-78 mm"], "inputs": dict(inputs)}]), arm, "quasistatic")
+    through = run(
+        reach_around(arms=[{"tip": ["50 mm", "0 mm", "-78 mm"], "inputs": dict(inputs)}]), arm, "quasistatic"
+    )
     assert through.metrics["press_n"] > 0.0
 
 
 def test_a_chain_that_may_press_comes_no_less_close(arm: ChainModel) -> None:
-    clear, pressing = (run(reach_around(contact=how), arm, "quasistatic").metrics for how in ("avoid", "allow"))
+    clear, pressing = (
+        run(reach_around(contact=how), arm, "quasistatic").metrics for how in ("avoid", "allow")
+    )
     assert pressing["distance_m"] <= clear["distance_m"] + 1e-6
     assert pressing["clearance_m"] > -1e-4
 
@@ -74,7 +89,9 @@ def test_a_chain_that_may_press_comes_no_less_close(arm: ChainModel) -> None:
 @pytest.mark.parametrize("kind", ["mujoco", "pybullet"])
 def test_engines_agree_on_a_pressed_arm(arm: ChainModel, kind: str) -> None:
     """Force within 1 %, tip within half a millimetre; MuJoCo's tip within 0.1 mm."""
-    inputs = [{"tip": ["60 mm", "0 mm", "-70 mm"], "inputs": {"pressure_1_pa": "9 kPa", "pressure_2_pa": "6 kPa"}}]
+    inputs = [
+        {"tip": ["60 mm", "0 mm", "-70 mm"], "inputs": {"pressure_1_pa": "9 kPa", "pressure_2_pa": "6 kPa"}}
+    ]
     task = reach_around(arms=inputs, hold_time="3 s")
     still, moved = (run(task, arm, name) for name in ("quasistatic", kind))
     assert still.metrics["press_n"] > 0.05
@@ -100,7 +117,9 @@ def test_a_mesh_is_an_obstacle(arm: ChainModel, tmp_path) -> None:
     part = tmp_path / "shelf.stl"
     trimesh.creation.box((50.0, 40.0, 8.0)).export(part)
     mesh = {"mesh": str(part), "scale": 1e-3, "position": SHELF["position"]}
-    inputs = [{"tip": ["60 mm", "0 mm", "-70 mm"], "inputs": {"pressure_1_pa": "9 kPa", "pressure_2_pa": "6 kPa"}}]
+    inputs = [
+        {"tip": ["60 mm", "0 mm", "-70 mm"], "inputs": {"pressure_1_pa": "9 kPa", "pressure_2_pa": "6 kPa"}}
+    ]
     box, part_of_file = (
         run(reach_around(arms=inputs, obstacles=[one]), arm, "quasistatic").metrics for one in (SHELF, mesh)
     )
@@ -132,11 +151,15 @@ def test_wrong_blocks_are_refused(keys: dict[str, Any], sentence: str) -> None:
 
 def test_an_unknown_input_is_named(arm: ChainModel) -> None:
     task = reach_around(arms=[{"tip": ["50 mm", "0 mm", "-78 mm"], "inputs": {"pressure_pa": "9 kPa"}}])
-    with pytest.raises(UserError, match="names pressure_pa, and the chain's inputs are pressure_1_pa, pressure_2_pa"):
+    with pytest.raises(
+        UserError, match="names pressure_pa, and the chain's inputs are pressure_1_pa, pressure_2_pa"
+    ):
         run(task, arm, "quasistatic")
 
 
 def test_a_target_beyond_the_longest_chain_is_refused() -> None:
-    task = reach_around(arms=[{"tip": ["0 mm", "0 mm", "-300 mm"], "base": {"position": ["0 mm", "0 mm", "0 mm"]}}])
+    task = reach_around(
+        arms=[{"tip": ["0 mm", "0 mm", "-300 mm"], "base": {"position": ["0 mm", "0 mm", "0 mm"]}}]
+    )
     with pytest.raises(UserError, match=r"300 mm from its base, and the longest chain is 100 mm"):
         task.check_reach(0.1)

@@ -64,4 +64,3 @@ def _on_pieces(markers: Array) -> Array:
     start, along = markers[..., :-1, None, :], np.diff(markers, axis=-2)[..., None, :]
     points = start + _shares()[:, None] * along
     return np.asarray(points.reshape(*markers.shape[:-2], -1, 3))
-

@@ -33,7 +33,10 @@ class ObstacleConfig(FrozenModel):
         default=1.0, gt=0, description="metres per unit of the file: 0.001 where it is in millimetres"
     )
     convex_parts: Count = Field(
-        default=1, ge=1, le=64, description="of a mesh: most convex parts that collide in its place; 1: its hull"
+        default=1,
+        ge=1,
+        le=64,
+        description="of a mesh: most convex parts that collide in its place; 1: its hull",
     )
     position_m: tuple[Length, Length, Length] = Field(
         default=(0.0, 0.0, 0.0), description="of its centre, or of the mesh's origin, in the world"

@@ -36,7 +36,9 @@ class PushConfig(ActuatedConfig):
         min_length=1,
         description="how far the wall is moved back along its normal, rising; stiffness needs two",
     )
-    levels: Count = Field(default=4, ge=1, le=1000, description="equal levels of the actuation, the last is full")
+    levels: Count = Field(
+        default=4, ge=1, le=1000, description="equal levels of the actuation, the last is full"
+    )
     radius_m: Length | None = Field(
         default=None, gt=0, description="of the capsules that collide; by default the chain's half width"
     )

@@ -8,18 +8,19 @@ from typing import Any
 import numpy as np
 
 from pliant.interfaces.task import SceneEngine, SceneTask
+from pliant.mechanics.contact_statics import with_capsules
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.records.scene import Arm, Obstacle, Scene
 from pliant.records.shape import Shape
-from pliant_plugins.tasks.obstacles import rounded
+from pliant_plugins.tasks.obstacles import capsule_radius_m
 from pliant_plugins.tasks.push.config import PushConfig
 from pliant_plugins.tasks.scene_record import SceneRecord, force_on_n
 
-# Half edges of the wall: across it, and half its thickness.
-WALL_HALF_M = (0.25, 0.25, 0.01)
+# Half the thickness of the wall.
+HALF_THICKNESS_M = 0.005
 RAMP_FRAMES, HOLD_FRAMES = 5, 6
 MEASURED = ("holding_force_n", "largest_force_n", "tangential_n", "stiffness_n_per_m", "tip_speed_m_s")
 
@@ -77,14 +78,17 @@ class Push(SceneTask):
         return TaskResult(final, {**metrics, "map": table}, None, first.frames, stills, said)
 
     def _scene(self, chain: ChainModel, distance_m: float) -> Scene:
-        arm = Arm(rounded(chain, self.config.radius_m, "push"), self.config.friction)
-        wall = Obstacle("wall", (self._wall(distance_m),), 1.0)
+        radius = capsule_radius_m(chain, self.config.radius_m, "push")
+        arm = Arm(with_capsules(chain, radius), self.config.friction)
+        wall = Obstacle("wall", (self._wall(chain, radius, distance_m),), 1.0)
         return Scene((arm,), obstacles=(wall,), gravity_m_s2=np.asarray(chain.gravity_m_s2, float))
 
-    def _wall(self, distance_m: float) -> Shape:
-        normal = self._normal
-        centre = np.array(self.config.wall.position_m) - (distance_m + WALL_HALF_M[2]) * normal
-        return Shape("box", WALL_HALF_M, centre, _turn_to(normal))
+    def _wall(self, chain: ChainModel, radius_m: float, distance_m: float) -> Shape:
+        """Return a plate opposite the base that is as wide as the chain reaches."""
+        normal, base, wide = self._normal, np.asarray(chain.base_position_m), chain.length_m + 2 * radius_m
+        surface = base + (np.array(self.config.wall.position_m) - base) @ normal * normal
+        centre = surface - (distance_m + HALF_THICKNESS_M) * normal
+        return Shape("box", (wide, wide, HALF_THICKNESS_M), centre, _turn_to(normal))
 
     @property
     def _normal(self) -> Array:

@@ -42,7 +42,9 @@ class ReachAroundConfig(TaskConfig):
     """``task: {kind: reach_around, arms: [{tip: [40 mm, 0 mm, -60 mm]}], obstacles: [{sphere: 10 mm, position: …}]}``."""
 
     kind: Literal["reach_around"] = "reach_around"
-    arms: tuple[ReachingArmConfig, ...] = Field(min_length=1, description="copies of the chain, one for each tip")
+    arms: tuple[ReachingArmConfig, ...] = Field(
+        min_length=1, description="copies of the chain, one for each tip"
+    )
     obstacles: tuple[ObstacleConfig, ...] = Field(min_length=1, description="fixed bodies")
     contact: Literal["avoid", "allow"] = Field(
         default="avoid",
@@ -57,7 +59,8 @@ class ReachAroundConfig(TaskConfig):
         description="of the capsules about the chain's pieces, which collide; by default the chain's half width",
     )
     bounds: Mapping[str, tuple[Actuation, Actuation]] = Field(
-        default_factory=dict, description="low and high of inputs to be found; left out, the domain of the law"
+        default_factory=dict,
+        description="low and high of inputs to be found; left out, the domain of the law",
     )
     samples: Count = Field(
         default=128, ge=2, le=100_000, description="equilibria from which inverse statics starts"
