@@ -22,7 +22,7 @@ from pliant_plugins.solids import convex_parts, read_solid
 
 
 class ObstacleConfig(FrozenModel):
-    """A fixed body: ``{box: [20 mm, 40 mm, 10 mm], position: [30 mm, 0 mm, -50 mm]}``, `sphere: 10 mm` or `mesh: part.stl`."""
+    """A fixed body: ``{box: [20 mm, 40 mm, 10 mm], position: [30 mm, 0 mm, -50 mm]}``, a `sphere` or a `mesh`."""
 
     box_m: tuple[Length, Length, Length] | None = Field(
         default=None, description="its three edges; this, `sphere` or `mesh`"

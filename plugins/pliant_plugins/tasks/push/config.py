@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -51,6 +52,6 @@ class PushConfig(ActuatedConfig):
     @field_validator("distances_m")
     @classmethod
     def _rising(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        if any(b <= a for a, b in zip(values, values[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(values)):
             raise ValueError("'distances' rise, each above the one before")
         return values

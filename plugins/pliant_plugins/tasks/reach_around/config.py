@@ -39,7 +39,7 @@ class ReachingArmConfig(FrozenModel):
 
 
 class ReachAroundConfig(TaskConfig):
-    """``task: {kind: reach_around, arms: [{tip: [40 mm, 0 mm, -60 mm]}], obstacles: [{sphere: 10 mm, position: …}]}``."""
+    """``task: {kind: reach_around, arms: [{tip: [40 mm, 0 mm, -60 mm]}], obstacles: [{sphere: 9 mm, …}]}``."""
 
     kind: Literal["reach_around"] = "reach_around"
     arms: tuple[ReachingArmConfig, ...] = Field(

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pliant.errors import NotReachedError, UserError
+from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.task import SceneEngine, SceneTask
 from pliant.inverse.clearance import Clearance
 from pliant.inverse.statics import InverseStatics
@@ -42,7 +43,8 @@ class ReachAround(SceneTask):
     """Copies of the chain among fixed obstacles, each actuated until its tip is at its target.
 
     Metrics: `distance_m`, the largest of the tips from their targets; `angle_rad` from the directions; `clearance_m`
-    of the chains' capsules from the obstacles at the end, and the least of the motion; `press_n` on the obstacles; `tip_speed_m_s`, small where the chain is at rest.
+    of the chains' capsules from the obstacles at the end, and the least of the motion; `press_n` on the obstacles;
+    `tip_speed_m_s`, small where the chain is at rest.
     """
 
     config: ReachAroundConfig
@@ -110,10 +112,11 @@ class ReachAround(SceneTask):
         direction = None if arm.direction is None else np.array(arm.direction)
         keeps = self.clearance(chain) if config.contact == "avoid" else None
         target = Target(tip_m=np.array(arm.tip_m), direction=direction, clearance=keeps)
-        if keeps is None:
-            simulation = ChainAmongObstacles(chain, solids(self.obstacles), engine)
-        else:
-            simulation = Quasistatic(engine).build(chain)
+        simulation: Simulation = (
+            ChainAmongObstacles(chain, solids(self.obstacles), engine)
+            if keeps is None
+            else Quasistatic(engine).build(chain)
+        )
         inverse = InverseStatics(simulation, config.bounds, config.samples)
         try:
             return inverse.solve(target).actuation
