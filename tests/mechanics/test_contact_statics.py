@@ -12,7 +12,13 @@ from pliant.mechanics.statics import Loads
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant.records.shape import Shape
-from pliant.testing.samples import linear_law, sample_chain
+from pliant.testing.samples import (
+    linear_extensible_law,
+    linear_law,
+    linear_prismatic_law,
+    linear_spherical_law,
+    sample_chain,
+)
 from pliant_plugins.physics.quasistatic.among_obstacles import CONTACT_N_M, ChainAmongObstacles
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
@@ -85,3 +91,20 @@ def test_a_mesh_on_the_chain_is_refused() -> None:
     box = Shape("box", (1e-3, 1e-3, 1e-3), np.zeros(3), np.eye(3))
     with pytest.raises(UserError, match="needs capsules or spheres on the chain, not 'box'"):
         ContactStatics(chain.with_(shapes=((), (box,))), [BALL], 1e3)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [linear_law(), linear_spherical_law(), linear_prismatic_law(), linear_extensible_law()],
+    ids=lambda x: x.joint,
+)
+def test_jacobians_at_once_are_those_one_by_one(law) -> None:
+    chain = with_capsules(sample_chain(law, modules=4), RADIUS_M)
+    statics = ContactStatics(chain, [BALL], 1e3)
+    pose = statics.geometry.forward(np.random.default_rng(1).uniform(-0.3, 0.3, (4, len(law.axes))))
+    points, bodies = statics.points.placed(pose), statics.points.body
+    together = statics._point_jacobians(pose, bodies, points)
+    for k in range(0, len(points), 7):
+        np.testing.assert_allclose(
+            together[k], statics.point_jacobian(pose, int(bodies[k]), points[k]), atol=1e-15
+        )

@@ -104,14 +104,31 @@ class ContactStatics(ChainStatics):
         pose = self.geometry.forward(q)
         presses = self.presses(pose)
         balance = super().balance(q, self._loaded(presses, loads))
-        stiffness = balance.stiffness
-        for press in presses:
-            curved = self._solids[press.obstacle].curvature(press.position_m[None])[0]
-            by_place = self._k * np.outer(press.normal, press.normal) - press.force_n * curved
-            jacobian = self.point_jacobian(pose, int(self.points.body[press.point]), press.position_m)
-            rows = jacobian.reshape(3, -1)
-            stiffness = stiffness + rows.T @ by_place @ rows
-        return Balance(balance.residual, stiffness)
+        if not presses:
+            return balance
+        points, normals = (np.array([getattr(p, name) for p in presses]) for name in ("position_m", "normal"))
+        of_solid, forces = (np.array([getattr(p, name) for p in presses]) for name in ("obstacle", "force_n"))
+        by_place = self._k * normals[:, :, None] * normals[:, None, :]
+        for number in np.unique(of_solid).tolist():
+            rows = of_solid == number
+            by_place[rows] -= forces[rows, None, None] * self._solids[number].curvature(points[rows])
+        bodies = self.points.body[[p.point for p in presses]]
+        jacobian = self._point_jacobians(pose, bodies, points).reshape(len(presses), 3, -1)
+        added = np.einsum("mik,mij,mjl->kl", jacobian, by_place, jacobian, optimize=True)
+        return Balance(balance.residual, balance.stiffness + added)
+
+    def _point_jacobians(self, pose: Pose, bodies: NDArray[np.int64], points_m: Array) -> Array:
+        """Return (m, 3, n, a) `point_jacobian` of many points, at once."""
+        directions = pose.directions.transpose(0, 2, 1)
+        moved = np.broadcast_to(directions, (len(points_m), *directions.shape)).copy()
+        if self.geometry.turns:
+            arms = points_m[:, None] - pose.pivots
+            moved = np.cross(directions, arms[:, :, None])
+            slide = self.geometry.slide
+            if slide is not None:
+                moved[:, :, slide] = directions[:, slide]
+        moved[np.arange(self.geometry.n_joints) >= bodies[:, None]] = 0.0
+        return np.asarray(moved.transpose(0, 3, 1, 2))
 
     def potential(self, q: Array, loads: Loads) -> float:
         pressed = sum(0.5 * self._k * p.depth_m**2 for p in self.presses(self.geometry.forward(q)))
