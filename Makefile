@@ -9,7 +9,7 @@ PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip ins
 # Every command that a test runs would compile Pliant anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo app-demo test test-all fuzz metamorphic soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real bench-files bench-install study-shape study-gripper docs freeze clean
+.PHONY: demo app-demo test test-all fuzz metamorphic soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-tasks bench-evidence bench-real bench-files bench-install study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -95,6 +95,9 @@ bench-physics: $(VENV)/.bench  ## engines, the published baseline and a Cosserat
 	$(BIN)/python -m benchmarks.physics.designs
 	$(BIN)/python -m benchmarks.physics.scaling
 	$(BIN)/python -m benchmarks.physics.ablation
+
+bench-tasks: $(VENV)/.run  ## tasks among obstacles: speed against plain MuJoCo, agreement of the engines
+	$(BIN)/python -m benchmarks.tasks.speed
 
 bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measured table
 	$(BIN)/python -m benchmarks.grasp.speed

@@ -78,9 +78,11 @@ if TYPE_CHECKING:
     from pliant_plugins.tasks.follow_shape import FollowShapeConfig as FollowShapeConfig
     from pliant_plugins.tasks.grasp.config import GraspConfig as GraspConfig
     from pliant_plugins.tasks.helical_hang import HelicalHangConfig as HelicalHangConfig
+    from pliant_plugins.tasks.push.config import PushConfig as PushConfig
     from pliant_plugins.tasks.ramp import FreeBendingConfig as FreeBendingConfig
     from pliant_plugins.tasks.ramp import TipLoadConfig as TipLoadConfig
     from pliant_plugins.tasks.reach import ReachConfig as ReachConfig
+    from pliant_plugins.tasks.reach_around.config import ReachAroundConfig as ReachAroundConfig
     from pliant_plugins.tasks.tendon_finger import TendonFingerConfig as TendonFingerConfig
 
 

@@ -266,6 +266,26 @@ COMPONENTS = (
     ),
     _shipped(
         "task",
+        "reach_around",
+        "tasks.reach_around.task:ReachAround",
+        "bring the tips of one or several chains to targets behind fixed obstacles",
+        config="tasks.reach_around.config:ReachAroundConfig",
+        example={
+            "arms": [{"tip": ["20 mm", "0 mm", "-70 mm"]}],
+            "obstacles": [{"sphere": "5 mm", "position": ["30 mm", "0 mm", "-30 mm"]}],
+            "bounds": {"pressure_pa": ["0 kPa", "15 kPa"]},
+        },
+    ),
+    _shipped(
+        "task",
+        "push",
+        "tasks.push.task:Push",
+        "press on a wall: holding force and stiffness over the wall's place and the actuation",
+        config="tasks.push.config:PushConfig",
+        example={"pressure": "8 kPa", "wall": {"position": ["15 mm", "0 mm", "0 mm"], "normal": [-1, 0, 0]}},
+    ),
+    _shipped(
+        "task",
         "grasp",
         "tasks.grasp.task:Grasp",
         "lower fingers over an object, actuate them and lift it",

@@ -162,8 +162,14 @@ class VerifyConfig(FrozenModel):
         0,
         ge=0,
         le=100,
-        description="searches of the same budget that follow, each with the FEM of the refused best design among the "
-        "meta-model's data, until one keeps its constraints by FEM",
+        description="searches of the same budget that follow, each with the FEM of the last best design among the "
+        "meta-model's data, until one keeps its constraints by FEM and does not lean on extrapolation",
+    )
+    law_error: Ratio | None = Field(
+        0.03,
+        gt=0,
+        description="error of a law against FEM, as a share of its range, above which the best design leans on "
+        "extrapolation; null for any",
     )
 
 

@@ -157,7 +157,9 @@ class Robustness:
 
 @dataclass(frozen=True, eq=False)
 class SearchRound:
-    """A search whose best design violated a constraint by direct FEM, which the next search had among its data.
+    """A search whose best design violated a constraint by direct FEM or leant on extrapolation.
+
+    The next search had its FEM among the meta-model's data.
 
     Attributes:
         best: the refused design.
@@ -165,6 +167,7 @@ class SearchRound:
         worst_of_range: error of the search's law against FEM there, relative to its range; NaN if not known.
         evaluations: candidates that were simulated.
         table: the meta-model's data of the next search, a file in the store.
+        leaning: why it leant on extrapolation, as parts of a sentence.
     """
 
     best: FoundDesign
@@ -172,6 +175,7 @@ class SearchRound:
     worst_of_range: float
     evaluations: int
     table: str
+    leaning: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from pliant_search.run.search import EXPORT, Search, warm_started
 from pliant_search.stage_keys import ENDS, MODULES, search_components, search_content
 from pliant_search.verify.check import checked
 from pliant_search.verify.direct_fem import check_verifiable
+from pliant_search.verify.extrapolation import leaning
 from pliant_search.verify.next_best import next_best
 from pliant_search.verify.rounds import with_checked
 
@@ -103,15 +104,25 @@ def _optimizer_remarks(context: RunContext, problem: SearchProblem) -> Sequence[
 def _rounds(
     context: RunContext, problem: SearchProblem, made: Artifact, engine: str, running: Executor
 ) -> tuple[Artifact, SearchProblem, SearchResult]:
-    """Search again with FEM of the refused best design, up to `verify.rounds` times; return the last checked search."""
+    """Search again with FEM of the last best design, up to `verify.rounds` times; return the last checked search.
+
+    It goes on while the best design breaks a constraint by FEM or leans on extrapolation.
+    """
     rounds: list[SearchRound] = []
-    most = problem.config.verify.rounds if problem.config.verify else 0
+    verify = problem.config.verify
+    most, law_error = (verify.rounds, verify.law_error) if verify else (0, None)
     while True:
         result: SearchResult = made.value
         check = checked(context, problem.study, problem, result, made.key, running)
         result = replace(result, verification=check, rounds=tuple(rounds))
         broken = check.broken.get(engine, {}) if check is not None else {}
-        if check is None or not broken or not check.laws or not _one_best(result) or len(rounds) == most:
+        if check is None or not check.laws or not _one_best(result):
+            return made, problem, result
+        causes = leaning(result.best[0], check, law_error)
+        if causes:
+            said = f"The best design leans on extrapolation: {', '.join(causes)}."
+            result = replace(result, verification=replace(check, notes=(*check.notes, said)))
+        if not (broken or causes) or len(rounds) == most:
             return made, problem, result
         following = with_checked(context, problem, result.best)
         if following is None or following.block("meta_model") is None:
@@ -119,10 +130,14 @@ def _rounds(
             return made, problem, result
         worst = max(float(law.get("worst_of_range", nan)) for law in check.laws)
         table = str(following.block("meta_model").data)
-        rounds.append(SearchRound(result.best[0], broken, worst, result.evaluations, table))
+        rounds.append(SearchRound(result.best[0], broken, worst, result.evaluations, table, causes))
+        cause = (
+            f"by direct FEM the best design breaks {', '.join(broken)}"
+            if broken
+            else "its laws are uncertain"
+        )
         context.progress.note(
-            f"round {len(rounds)} of {most}: by direct FEM the best design breaks {', '.join(broken)}; searching on "
-            "with its FEM among the meta-model's data."
+            f"round {len(rounds)} of {most}: {cause}; searching on with its FEM among the meta-model's data."
         )
         earlier = (result.best[0], *islice(next_best(problem, result, check, engine), EARLIER))
         again = _searched(context, following, running, earlier, made.key)

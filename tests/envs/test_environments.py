@@ -14,7 +14,8 @@ import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant.errors import UserError  # noqa: E402
 from pliant_plugins.envs.registration import ENVIRONMENTS  # noqa: E402
 
-CHAINS = [name for name in ENVIRONMENTS if name != "pliant/Grasp-v0"]
+SCENES = ("pliant/Grasp-v0", "pliant/Push-v0", "pliant/ReachAround-v0")
+CHAINS = [name for name in ENVIRONMENTS if name not in SCENES]
 # 22 spherical joints are slow: fewer steps suffice.
 SHORT = {"episode_s": 0.5}
 
@@ -187,6 +188,8 @@ def test_a_users_own_study(tmp_path):
     [
         ("pliant/FreeBending-v0", "quasistatic", "has equilibria only"),
         ("pliant/Grasp-v0", "mujoco", "needs a study with 'task: {kind: grasp"),
+        ("pliant/Push-v0", "mujoco", "needs a study with 'task: {kind: push"),
+        ("pliant/ReachAround-v0", "mujoco", "needs a study with 'task: {kind: reach_around"),
     ],
 )
 def test_a_study_that_does_not_fit(tmp_path, name, physics, says):
@@ -225,4 +228,37 @@ def test_ppo_learns_to_reach(tmp_path):
     model.learn(10_000)
     learned = score(lambda seen: model.predict(seen, deterministic=True)[0])
     assert learned > 0.7 * random  # both negative: at least 30 % nearer
+    env.close()
+
+
+def test_a_finger_presses_with_the_wanted_force():
+    """A share of the pressure that rises while the force is too small ends near it; none earns less."""
+    env = gymnasium.make("pliant/Push-v0", episode_s=4.0)
+    share = 0.0
+
+    def integral(seen):
+        nonlocal share
+        share = min(max(share + 0.08 * (seen[-2] - seen[-3]), 0.0), 1.0)
+        return np.array([2 * share - 1], np.float32)
+
+    _, rewards, infos = played(env, 4, integral)
+    assert infos[-1]["is_success"] and infos[-1]["press_n"] > 0.03
+    _, nothing, _ = played(env, 4, lambda _: np.array([-1.0], np.float32))
+    assert rewards.sum() > nothing.sum()
+    env.close()
+
+
+def test_the_pressures_of_inverse_statics_reach_around_the_shelf():
+    env = gymnasium.make("pliant/ReachAround-v0", episode_s=5.0)
+    inner = env.unwrapped
+    task, scene = inner.task, inner.scene
+    env.reset(seed=0, options={"shift_m": [0.0, 0.0, 0.0]})
+    wanted = np.array(list(task.actuation(scene.arms[0].chain, task.config.arms[0]).values()))
+    for k in range(100):
+        rise = min((k + 1) / 50, 1.0)
+        _, reward, _, _, info = env.step((2 * rise * wanted / 15e3 - 1).astype(np.float32))
+    assert info["clearance_m"] > 0 and info["press_n"] == 0
+    env.reset(seed=0, options={"shift_m": [0.0, 0.0, 0.0]})
+    _, hanging, *_ = env.step(-np.ones(2, np.float32))
+    assert reward > hanging + 0.2
     env.close()

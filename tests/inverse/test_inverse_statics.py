@@ -10,11 +10,14 @@ from scipy.optimize import minimize
 from pliant import api
 from pliant.errors import UserError
 from pliant.interfaces.simulation import Simulation
+from pliant.inverse.clearance import Clearance
 from pliant.inverse.statics import InverseStatics
 from pliant.inverse.target import Target
+from pliant.mechanics.signed_distance import solid_from_shape
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.law import Domain
 from pliant.records.rollout import Inputs
+from pliant.records.shape import Shape
 from pliant.testing.samples import linear_law, sample_chain, softening_law
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -210,3 +213,38 @@ def test_six_pressures_come_to_the_smallest_that_a_general_optimiser_finds_too()
         )
         assert np.abs(missed(other.x)).max() < 1e-2
         assert x @ x <= 1.01 * (other.x @ other.x) + 1e-6
+
+
+def test_a_target_with_clearance_keeps_away_from_an_obstacle():
+    """Of all pressures on the way to a target behind a ball, the nearest one that stays clear is found."""
+    simulation = built(finger())
+    inverse = InverseStatics(simulation, BOUNDS)
+    free = inverse.solve(Target(tip_m=at(simulation, {"pressure_pa": 12e3}).markers_m[-1]))
+    ball = solid_from_shape(Shape("sphere", (4e-3,), free.tip_m, np.eye(3)))
+    keeps = Clearance((ball,), radius_m=3e-3, least_m=1e-3)
+    clear = inverse.solve(Target(tip_m=free.tip_m, clearance=keeps))
+    assert free.reached and not clear.reached
+    assert keeps.smallest_m(free.response.markers_m) == pytest.approx(-7e-3)
+    # the distance pulls the tip a tenth of a millimetre for each millimetre, no more, into the clearance
+    assert keeps.smallest_m(clear.response.markers_m) > 0.8e-3
+    # no pressure nearby has less of both
+    for pressure_pa in clear.actuation["pressure_pa"] + np.array([-50.0, 50.0]):
+        response = at(simulation, {"pressure_pa": pressure_pa})
+        r, _ = Target(tip_m=free.tip_m, clearance=keeps).residual(response, 1.0)
+        assert np.linalg.norm(r) > clear.distance_m
+
+
+def test_slopes_of_the_clearance_are_differences():
+    simulation = built(finger())
+    ball = solid_from_shape(
+        Shape("sphere", (6e-3,), at(simulation, {"pressure_pa": 9e3}).markers_m[-2], np.eye(3))
+    )
+    keeps = Clearance((ball,), radius_m=3e-3, least_m=1e-3)
+    response = at(simulation, {"pressure_pa": 8e3})
+    r, slopes = keeps.residual(response.markers_m, response.by_input)
+    assert r.max() > 1e-2
+    sides = [at(simulation, {"pressure_pa": 8e3 + step}) for step in (1.0, -1.0)]
+    up, down = (keeps.residual(one.markers_m, one.by_input)[0] for one in sides)
+    np.testing.assert_allclose(slopes[:, 0], (up - down) / 2.0, atol=1e-3 * np.abs(slopes).max())
+    squared = keeps.squared(response.markers_m[None])
+    assert squared[0] == pytest.approx(r @ r)

@@ -150,3 +150,40 @@ def test_the_study_with_the_best_design_has_the_meta_model_from_its_round(folder
     assert simulated == pytest.approx(told["best"]["metrics"][ANGLE], rel=1e-6)
     assert simulated == pytest.approx(told["verified"][ANGLE], rel=1e-3)
     assert "designs.csv" in (place / "run" / "best.yaml").read_text()
+
+
+def leaning_on(folder, verify):
+    """Return the largest angle of the springs whose law is far off between two radii; no constraint is broken."""
+    block = (
+        "search: {variables: {family.radius: {low: 4.75 mm, high: 4.85 mm}}, objective: '-max_joint_angle_rad', "
+        f"budget: 40, seed: 1, verify: {{{verify}}}}}\n"
+    )
+    changes = (
+        ("physics: quasistatic", f"{block}{SPRINGS}\nphysics: quasistatic"),
+        ("radius: 4.7", "radius: 4.8"),
+    )
+    place = folder / "leaning"
+    place.mkdir(exist_ok=True)
+    opened = meta_bench.opened(place, *changes, data=meta_bench.table(place, radii=WIDE))
+    return opened, search_study(opened.context, opened.study, workers=1).value
+
+
+def test_a_search_whose_law_misses_fem_goes_on_with_that_fem(folder):
+    opened, alone = leaning_on(folder, "rounds: 0")
+    assert not alone.rounds and not alone.verification.broken
+    (said,) = (note for note in alone.verification.notes if "leans on extrapolation" in note)
+    assert "misses FEM by 25 % of its range" in said
+    opened, result = leaning_on(folder, "rounds: 2")
+    first, (law,) = result.rounds[0], result.verification.laws
+    assert first.leaning and not first.broken
+    assert first.worst_of_range > 0.2 and law["worst_of_range"] < 0.03
+    assert not any("misses FEM" in note for note in result.verification.notes)
+    document = search_document(opened.study.canonical(), result, engine=ENGINE)
+    assert "leant on extrapolation" in document.sentence
+    assert any("leans on extrapolation" in line for line in document.brief)
+
+
+def test_an_accepted_error_is_no_cause(folder):
+    _, result = leaning_on(folder, "rounds: 1, law_error: 0.9")
+    causes = [cause for one in result.rounds for cause in one.leaning]
+    assert not any("misses FEM" in cause for cause in (*causes, *result.verification.notes))

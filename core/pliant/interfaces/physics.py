@@ -140,6 +140,19 @@ class SceneBackend(Protocol):
 
 
 @runtime_checkable
+class StaticSceneBackend(Protocol):
+    """An engine of equilibria for scenes whose only other bodies are fixed (`SceneTask.settles`)."""
+
+    def build_static_scene(self, scene: Scene) -> SceneSimulation:
+        """Return a scene at rest, each of whose steps ends in equilibrium.
+
+        Raises:
+            UserError: free objects, friction or a shape that the engine does not support.
+        """
+        ...
+
+
+@runtime_checkable
 class ExportBackend(Protocol):
     """An engine that writes files for other programs.
 

@@ -96,6 +96,11 @@ class SceneTask(Configured[TaskConfig]):
         """Return whether its scenes have arms that collide with each other (`Scene.arms_touch`)."""
         return False
 
+    @property
+    def settles(self) -> bool:
+        """Return whether equilibria suffice: its scenes have fixed obstacles and no free objects."""
+        return False
+
     def prepare(self, chain: ChainModel) -> ChainModel:
         """Return the chain with the task's own loads, before effects are applied."""
         return chain

@@ -54,6 +54,8 @@ class Reachable:
             total += np.sum((self.markers_m - target.backbone_m) ** 2, axis=(1, 2)) / (
                 len(target.backbone_m) - 1
             )
+        if target.clearance is not None:
+            total += target.clearance.squared(self.markers_m)
         return total
 
     def write(self, path: Path) -> None:

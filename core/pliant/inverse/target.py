@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.inverse.clearance import Clearance
 from pliant.records.design import Array
 from pliant.records.rollout import Response
 
@@ -21,6 +22,7 @@ class Target:
         backbone_m: (n + 2, 3) base, joints and tip.
         push_n: (3,) force that the robot exerts on what it touches: it settles under the reaction, −push.
         turn_m: length that one radian of direction counts as; None: the chain's length.
+        clearance: the distance to keep from obstacles; a missing metre counts as `Clearance.weight` metres.
     """
 
     tip_m: Array | None = None
@@ -28,6 +30,7 @@ class Target:
     backbone_m: Array | None = None
     push_n: Array | None = None
     turn_m: float | None = None
+    clearance: Clearance | None = None
 
     def checked(self, n_joints: int) -> Target:
         """Return the target with a unit direction and arrays.
@@ -56,7 +59,7 @@ class Target:
             if length == 0.0:
                 raise UserError("a target's direction is zero; give three numbers such as [1, 0, 0].")
             found["direction"] = found["direction"] / length
-        return Target(**found, turn_m=self.turn_m)
+        return Target(**found, turn_m=self.turn_m, clearance=self.clearance)
 
     def residual(self, response: Response, turn_m: float) -> tuple[Array, Array]:
         """Return r (m,) in m, whose length is the distance, and ∂r/∂p (m, k)."""
@@ -72,6 +75,10 @@ class Target:
             share = 1.0 / np.sqrt(len(self.backbone_m) - 1)  # the base does not move: RMS over the others
             parts.append(share * (response.markers_m - self.backbone_m).ravel())
             slopes.append(share * response.by_input.reshape(len(response.by_input), -1).T)
+        if self.clearance is not None:
+            missing, slope = self.clearance.residual(response.markers_m, response.by_input)
+            parts.append(missing)
+            slopes.append(slope)
         if len(parts) == 1:
             return parts[0], slopes[0]
         return np.concatenate(parts), np.concatenate(slopes)

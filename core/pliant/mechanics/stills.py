@@ -18,4 +18,5 @@ def still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
         tuple(shape.placed(turn, place) for shape in body.shapes)
         for body, turn, place in zip(scene.objects, state.rotations, state.positions_m, strict=True)
     ]
+    objects += [obstacle.shapes for obstacle in scene.obstacles]
     return SceneStill(label, state.time_s, tuple(arms), tuple(objects), scene.floor_m)

@@ -11,6 +11,7 @@ from pliant.interfaces.physics import (
     PhysicsBackend,
     PhysicsConfig,
     SceneBackend,
+    StaticSceneBackend,
 )
 from pliant.interfaces.task import SceneTask, Task
 from pliant.pipeline.workbench import RunContext
@@ -40,6 +41,8 @@ def check_asked(backend: PhysicsBackend, task: Task | SceneTask | None) -> None:
     """Raise `UserError` if the task needs contact, or contact between fingers, and the engine has none."""
     kind = backend.config.kind
     if not isinstance(task, SceneTask):
+        return
+    if task.settles and isinstance(backend, StaticSceneBackend):
         return
     if not isinstance(backend, SceneBackend):
         raise UserError(

@@ -13,7 +13,7 @@ import numpy as np
 from pliant.config.noise import UncertaintyConfig
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
-from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig, SceneBackend
+from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig, SceneBackend, StaticSceneBackend
 from pliant.interfaces.simulation import SceneSimulation, Simulation, SimulationState
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.mechanics.law_draws import draws
@@ -164,6 +164,9 @@ class SceneWithInputs(SceneSimulation):
     def outside_domain(self) -> tuple[OutsideDomain, ...]:
         return self.inner.outside_domain()
 
+    def pose(self, arm: int) -> Equilibrium:
+        return self.inner.pose(arm)
+
     def close(self) -> None:
         self.inner.close()
 
@@ -251,8 +254,7 @@ def run_task(
     check_terms(backend, model.chain)
     check_asked(backend, task)
     if isinstance(task, SceneTask):
-        assert isinstance(backend, SceneBackend)  # by `check_asked`
-        result = task.run(model.chain, _scene_engine(backend, model))
+        result = task.run(model.chain, scene_engine(backend, model))
     else:
         with backend.build(model.chain) as simulation:
             result = task.run(WithInputs(simulation, model) if model.inputs else simulation)
@@ -280,11 +282,14 @@ def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:
     )
 
 
-def _scene_engine(backend: SceneBackend, model: Model) -> SceneEngine:
+def scene_engine(backend: PhysicsBackend, model: Model) -> SceneEngine:
     """Return the engine's scenes, preceded by the effects' input maps."""
-    if not model.inputs:
-        return backend.build_scene
-    return lambda scene: SceneWithInputs(backend.build_scene(scene), model)
+    if isinstance(backend, SceneBackend):
+        build: SceneEngine = backend.build_scene
+    else:
+        assert isinstance(backend, StaticSceneBackend)  # by `check_asked`
+        build = backend.build_static_scene
+    return (lambda scene: SceneWithInputs(build(scene), model)) if model.inputs else build
 
 
 def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:

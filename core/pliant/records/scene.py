@@ -1,4 +1,4 @@
-"""Scenes for tasks with contact: arms on one carriage, free objects, a floor."""
+"""Scenes for tasks with contact: arms on one carriage, free objects, fixed obstacles, a floor."""
 
 from __future__ import annotations
 
@@ -47,12 +47,21 @@ class FreeBody:
 
 
 @dataclass(frozen=True, eq=False)
+class Obstacle:
+    """A fixed body: its convex shapes in the world frame, and its coefficient of friction."""
+
+    name: str
+    shapes: tuple[Shape, ...]
+    friction: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
-    """Arms, objects and floor, at rest at time 0.
+    """Arms, objects, obstacles and floor, at rest at time 0.
 
     The coefficient of friction of a pair is the product of both bodies' coefficients, in every engine: an
-    object of coefficient 1 has the arms' friction. Arms collide with objects and floor, and if `arms_touch` also with
-    each other and themselves, with the product of their coefficients.
+    object of coefficient 1 has the arms' friction. Arms collide with objects, obstacles and floor, and if `arms_touch`
+    also with each other and themselves, with the product of their coefficients.
 
     Attributes:
         arms: chains with their base poses in the world at the start; the carriage moves all of them.
@@ -62,6 +71,7 @@ class Scene:
         gravity_m_s2: (3,), for arms and objects; the chains' own gravity is not used.
         arms_touch: whether arms collide with each other, and parts of one arm that are far apart along it.
         carriers: number of leading objects that are bodies of the carrying arm; only drawn.
+        obstacles: fixed bodies; they collide with arms and objects.
     """
 
     arms: tuple[Arm, ...]
@@ -71,12 +81,13 @@ class Scene:
     gravity_m_s2: Array = field(default_factory=lambda: np.array(GRAVITY_M_S2))
     arms_touch: bool = False
     carriers: int = 0
+    obstacles: tuple[Obstacle, ...] = ()
 
 
 class Part(NamedTuple):
-    """A body in a scene: arm `number` (from 0) and its body, object `number`, or the floor."""
+    """A body in a scene: arm `number` (from 0) and its body, object or obstacle `number`, or the floor."""
 
-    kind: Literal["arm", "object", "floor"]
+    kind: Literal["arm", "object", "obstacle", "floor"]
     number: int = 0
     body: int = 0
 
@@ -164,7 +175,7 @@ class SceneStill:
         label: name of the instant ("lifted").
         time_s: its time.
         arms: all shapes of each arm.
-        objects: all shapes of each object.
+        objects: all shapes of each object, then of each obstacle.
         floor_m: height of the floor, or None.
     """
 

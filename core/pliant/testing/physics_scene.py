@@ -9,10 +9,12 @@ import numpy as np
 
 from pliant.interfaces.physics import SceneBackend
 from pliant.interfaces.simulation import SceneSimulation
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.design import Array
 from pliant.records.law import Domain
 from pliant.records.rollout import Cord, Inputs, PointForce
-from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
+from pliant.records.scene import Arm, Contact, FreeBody, Obstacle, Part, Scene, SceneState
+from pliant.records.shape import Shape
 from pliant.testing import Subject, agree, once, require
 from pliant.testing.physics import capable
 from pliant.testing.samples import (
@@ -197,6 +199,37 @@ def arms_settle_in_equilibrium(subject: Subject) -> None:
     cause = "gravity of the scene, laws, loads at points, or damping that holds"
     agree(markers, wanted.markers_m, f"markers (m) of an arm at rest: {cause}", atol=SETTLED_M)
     agree(state.coordinates[0], wanted.joint_angles, "joint coordinates (rad) at rest", atol=2e-3)
+
+
+def obstacles_hold_arms(subject: Subject) -> None:
+    """a fixed obstacle stops an arm; the reported forces hold the arm where it stands, by the chain's statics."""
+    finger = sample_finger(modules=2)
+    wall = Shape("box", (0.01, 0.02, 0.05), np.array([0.017, 0.0, -0.03]), np.eye(3))
+    inputs = Inputs({"pressure_pa": PRESSURE_PA})
+    obstacles = (Obstacle("wall", (wall,)),)
+    with _scene(subject, [Arm(finger)], obstacles=obstacles, gravity_m_s2=NO_GRAVITY_M_S2) as simulation:
+        simulation.apply([inputs])
+        for _ in range(20):
+            state = _run(simulation, 0.2)
+            if np.abs(state.rates[0]).max() < STILL_RAD_S:
+                break
+        contacts, markers = simulation.contacts(), simulation.markers(0)
+    require(contacts, "an arm that is bent into a wall reports no contact")
+    pose = ChainGeometry.from_chain(finger).forward(state.coordinates[0])
+    forces = []
+    for contact in contacts:
+        named = contact.first.kind == "arm" and contact.second == Part("obstacle")
+        require(named, f"a contact of arm and obstacle is reported as {contact.first}, {contact.second}")
+        require(contact.normal[0] > 0.5, f"the normal of an arm and the wall beside it is {contact.normal}")
+        body = contact.first.body
+        local = pose.rotations[body].T @ (contact.position_m - pose.origins[body])
+        forces.append(PointForce(body, local, -contact.normal_n * contact.normal - contact.friction_n))
+    statics = StandInSimulation(finger.with_(gravity_m_s2=np.array(NO_GRAVITY_M_S2)))
+    statics.apply(Inputs(inputs.actuation, forces=tuple(forces)))
+    cause = "an arm passes through an obstacle, or contacts have other forces than those that act"
+    agree(
+        markers, statics.settle().markers_m, f"markers (m) of an arm at a wall: {cause}", atol=2 * SETTLED_M
+    )
 
 
 def carriage_moves_arms(subject: Subject) -> None:

@@ -12,6 +12,8 @@ ENVIRONMENTS = {
     "pliant/Reach-v0": f"{HERE}.control:MeasuredReachEnv",
     "pliant/Track-v0": f"{HERE}.control:MeasuredTrackEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
+    "pliant/Push-v0": f"{HERE}.push:PushEnv",
+    "pliant/ReachAround-v0": f"{HERE}.reach_around:ReachAroundEnv",
 }
 # Needs a study with a search, and is no robot that moves.
 DESIGN = {"pliant/Design-v0": "pliant_ppo.design_env:DesignEnv"}

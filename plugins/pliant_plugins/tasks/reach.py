@@ -15,6 +15,7 @@ from pliant.interfaces.simulation import Simulation
 from pliant.interfaces.study_loads import Actuation
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.inverse.answer import InverseAnswer
+from pliant.inverse.clearance import Clearance
 from pliant.inverse.statics import InverseStatics
 from pliant.inverse.target import Target
 from pliant.records.chain import ChainModel
@@ -22,6 +23,7 @@ from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Force, Length, Mass, Time
 from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.levels import Level, levels_result
+from pliant_plugins.tasks.obstacles import ObstacleConfig, capsule_radius_m, solids
 
 
 class ReachConfig(TaskConfig):
@@ -62,6 +64,25 @@ class ReachConfig(TaskConfig):
         default=None, ge=2, le=100_000, description="equilibria of the reachable set to start from"
     )
 
+    obstacles: tuple[ObstacleConfig, ...] = Field(
+        default=(), description="fixed bodies from which the chain keeps `clearance`"
+    )
+    clearance_m: Length = Field(
+        default=1e-3,
+        ge=0.0,
+        description="distance from obstacles; ten times what is missing counts as distance",
+    )
+    radius_m: Length | None = Field(
+        default=None,
+        gt=0,
+        description="of the capsules that keep it; by default the chain's half width, needed without a family",
+    )
+
+    def canonical(self) -> dict[str, Any]:
+        """Return the canonical form, without the keys of obstacles if there are none, as in keys of earlier results."""
+        of_obstacles = () if self.obstacles else ("obstacles", "clearance_m", "radius_m")
+        return {name: value for name, value in super().canonical().items() if name not in of_obstacles}
+
     @model_validator(mode="after")
     def _one_aim(self) -> ReachConfig:
         places = [name for name in ("tip_m", "backbone", "path") if getattr(self, name) is not None]
@@ -77,7 +98,8 @@ class ReachConfig(TaskConfig):
 class Reach(Task):
     """A search for the actuations of given targets; the chain ends there, or at the closest point.
 
-    Metrics: each input's value at the end, `distance_m` (the largest of a path), `reached_share` of the targets.
+    Metrics: each input's value at the end, `distance_m` (the largest of a path, missing clearance included),
+    `reached_share` of the targets, `clearance_m` from obstacles.
     """
 
     config: ReachConfig
@@ -86,13 +108,18 @@ class Reach(Task):
         """Return the chain with the task's payload at its tip."""
         return chain if self.config.payload_kg is None else chain.with_(payload_kg=self.config.payload_kg)
 
-    def targets(self) -> list[Target]:
-        """Return the targets, in order."""
+    def targets(self, chain: ChainModel) -> list[Target]:
+        """Return the targets, in order.
+
+        Raises:
+            UserError: obstacles, and a chain without a width.
+        """
         config = self.config
         shared: dict[str, Any] = {
             "direction": None if config.direction is None else np.array(config.direction),
             "push_n": None if config.push_n is None else np.array(config.push_n),
             "turn_m": config.turn_m,
+            "clearance": self._clearance(chain) if config.obstacles else None,
         }
         if config.path is not None:
             return [Target(tip_m=place, **shared) for place in curves.read_points(config.path)]
@@ -101,10 +128,16 @@ class Reach(Task):
         tip = None if config.tip_m is None else np.array(config.tip_m)
         return [Target(tip_m=tip, **shared)]
 
+    def _clearance(self, chain: ChainModel) -> Clearance:
+        config = self.config
+        obstacles = tuple(one.record(f"obstacle {k}", 0.0) for k, one in enumerate(config.obstacles, 1))
+        radius = capsule_radius_m(chain, config.radius_m, "reach")
+        return Clearance(solids(obstacles), radius, config.clearance_m)
+
     def run(self, simulation: Simulation) -> TaskResult:
         config, chain = self.config, simulation.chain
         inverse = InverseStatics(simulation, config.bounds, config.samples)
-        targets = self.targets()
+        targets = self.targets(chain)
         try:
             answers = inverse.path(targets, config.rates, config.time_step_s)
         except NotReachedError as error:
@@ -130,6 +163,9 @@ class Reach(Task):
             "rms_distance_m": float(np.sqrt(np.mean(away**2))),
             "reached_share": float(np.mean([one.reached for one in answers])),
         }
+        keeps = targets[0].clearance
+        if keeps is not None:
+            metrics["clearance_m"] = min(keeps.smallest_m(one.response.markers_m) for one in answers)
         said = result.not_reached or _sentence(answers)
         return replace(result, metrics=metrics, not_reached=said)
 

@@ -178,16 +178,18 @@ def rounds_said(result: SearchResult) -> str:
     """Return how often the search continued with FEM of refused designs, as part of a sentence."""
     count = len(result.rounds)
     first = "its best design" if count == 1 else f"{plural(count, 'best design')} in a row"
-    return f"by direct FEM {first} broke a constraint, and the search went on with that among its data"
+    what = "broke a constraint" if any(one.broken for one in result.rounds) else "leant on extrapolation"
+    return f"by direct FEM {first} {what}, and the search went on with that among its data"
 
 
 def each_round(result: SearchResult) -> Iterator[str]:
     """Yield the outcome of each round before the last, in words."""
     for number, one in enumerate(result.rounds, start=1):
         off = f", its law {percent(one.worst_of_range)} of the range off" if one.worst_of_range > 0 else ""
+        breaks = f"breaks {', '.join(one.broken)}" if one.broken else "leans on extrapolation"
         yield (
             f"{number}: {plural(one.evaluations, 'evaluation')}; by direct FEM the best design, "
-            f"{best_said(result, one.best)}, breaks {', '.join(one.broken)}{off}"
+            f"{best_said(result, one.best)}, {breaks}{off}"
         )
 
 

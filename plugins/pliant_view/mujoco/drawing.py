@@ -125,6 +125,9 @@ class SceneDrawing:
             colour = STEEL if number < self.scene.carriers else OBJECT[number % len(OBJECT)]
             for k, shape in enumerate(thing.shapes):
                 _add_shape(spec, body, shape, colour, f"object{number}_{k}")
+        for number, obstacle in enumerate(self.scene.obstacles):
+            for k, shape in enumerate(obstacle.shapes):
+                _add_shape(spec, spec.worldbody, shape, STEEL, f"obstacle{number}_{k}")
         return spec
 
     def _add_arm(self, spec: mujoco.MjSpec, number: int, chain: ChainModel, skin: ChainSkin | None) -> None:
@@ -215,6 +218,7 @@ class SceneDrawing:
                 corners = np.concatenate([_corners(shape) for shape in thing.shapes])
                 turn = frames.rotations[index, number]
                 points.append(corners @ turn.T + frames.positions_m[index, number])
+        points += [_corners(shape) for obstacle in self.scene.obstacles for shape in obstacle.shapes]
         every = np.concatenate(points)
         return Extent(np.array([every.min(axis=0), every.max(axis=0)]), every)
 

@@ -109,6 +109,7 @@ simulated(
     "arms_settle_in_equilibrium",
     apply=lambda up, self, inputs: up([replace(one, forces=(), cords=()) for one in inputs]),
 )
+placed("obstacles_hold_arms", lambda scene: replace(scene, obstacles=()))
 simulated("carriage_moves_arms", carry=lambda up, self, v: up(0.99 * v))
 touching("contacts_have_signs", lambda c: {"normal": -c.normal})
 simulated("held_objects_do_not_creep", snapshot=_sinking)

@@ -1,6 +1,7 @@
 """MJCF of a chain, and of a scene with every pair of shapes that may touch.
 
-A chain is nested bodies, one joint each, with exact inertias. A scene is arms on a carriage, free objects and a floor.
+A chain is nested bodies, one joint each, with exact inertias. A scene is arms on a carriage, free
+objects, fixed obstacles and a floor.
 Pairs are written out one by one, because the scene's friction rule is the product of both coefficients and
 MuJoCo's own is the larger. The carriage is a body on three slides of enormous inertia, whose velocity is
 prescribed: unlike a mocap body's it is seen by the contact solver, so what is held moves with it."""
@@ -109,6 +110,8 @@ CARRIAGE_KG = 1e6
 CARRIAGE_DOFS = 3
 # MuJoCo's default of 1e-8 lets held objects jitter, and slip below their limit.
 SOLVER_TOLERANCE = 1e-12
+# Kinds of pairs of an arm and a fixed body.
+FIXED_BY_ARM = ({"arm", "floor"}, {"arm", "obstacle"})
 # A ball's rolling resistance and a patch's resistance to spinning are not in the scene's rule.
 POINT_FRICTION = 3
 
@@ -162,6 +165,8 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
     if scene.floor_m is not None:
         how = {"type": "plane", "size": "0 0 1", "pos": text((0.0, 0.0, scene.floor_m))}
         add(world, Part("floor"), scene.floor_friction, **how)
+    for number, obstacle in enumerate(scene.obstacles):
+        add_shapes(world, Part("obstacle", number), obstacle.friction, obstacle.shapes)
     carriage = SubElement(world, "body", name="carriage", gravcomp="1")
     inertia = text([INERTIA_FLOOR_KG_M2] * 3)
     SubElement(carriage, "inertial", pos="0 0 0", mass=repr(MASS_FLOOR_KG), diaginertia=inertia)
@@ -186,8 +191,8 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
     apart = [parts_apart(arm.chain) for arm in scene.arms] if scene.arms_touch else []
     for one, other in combinations(geoms, 2):
         kinds = {one.part.kind, other.part.kind}
-        # Objects touch arms, floor and other objects; arms touch the floor, and each other where the scene says so.
-        usual = ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}
+        # Objects touch everything else; arms touch what is fixed, and each other where the scene says so.
+        usual = ("object" in kinds and one.part != other.part) or kinds in FIXED_BY_ARM
         if usual or (scene.arms_touch and kinds == {"arm"} and _meet(one.part, other.part, apart)):
             coefficient = one.friction * other.friction
             pair = SubElement(contact, "pair", stiffness, geom1=one.name, geom2=other.name)

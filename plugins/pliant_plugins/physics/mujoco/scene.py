@@ -1,7 +1,7 @@
 """A scene in MuJoCo: arms on a moving carriage, free objects, contact with Coulomb friction.
 
-The internal step is short while an arm is near an object or an object moves, and long in free space. Near is
-what MuJoCo's collision detection lists: pairs of arm and object closer than the config's `near`. That list is
+The internal step is short while an arm is near what it can touch or an object moves, and long in free space. Near is
+what MuJoCo's collision detection lists: pairs of an arm and another body closer than the config's `near`. That list is
 one step old, so free steps are so short that nothing moves further than half of `near` in one.
 """
 
@@ -41,7 +41,7 @@ REST_M_S = 2e-3
 # the last step are then still apart after the next.
 SHARE = 0.5
 # Codes of bodies that are not objects; objects are numbered from 0.
-ARM, FLOOR = -2, -1
+ARM, FIXED = -2, -1
 
 
 class MujocoScene(ArmsScene):
@@ -80,9 +80,9 @@ class MujocoScene(ArmsScene):
         self._table = (np.array(table, np.int64).reshape(-1, 6), axes, reach)
         self._take()
         self._parts = {model.geom(geom.name).id: geom.part for geom in geoms}
-        self._bodies = np.full(model.ngeom, FLOOR)
+        self._bodies = np.full(model.ngeom, FIXED)
         for geom, part in self._parts.items():
-            self._bodies[geom] = {"arm": ARM, "floor": FLOOR}.get(part.kind, part.number)
+            self._bodies[geom] = {"arm": ARM, "floor": FIXED, "obstacle": FIXED}.get(part.kind, part.number)
         reaches = [_reaches(chain) for chain in self._chains]
         self._reaches = np.concatenate([np.ones(CARRIAGE_DOFS), *reaches])
         self._extents = np.array([_extent(free.shapes) for free in scene.objects])
@@ -92,6 +92,8 @@ class MujocoScene(ArmsScene):
         self._first_object = model.nbody - len(scene.objects)
         carriage = slice(0, CARRIAGE_DOFS)
         self._carriage = (data.qpos[carriage], data.qvel[carriage], data.qfrc_applied[carriage])
+        fixed = bool(scene.obstacles) or scene.floor_m is not None
+        self._can_touch = bool(scene.objects) or scene.arms_touch or fixed
         # Whether MuJoCo's contacts are those of the last step, and not of one before `restore`.
         self._has_contacts = False
         self._look()
@@ -146,7 +148,7 @@ class MujocoScene(ArmsScene):
     def _longest_step(self, near: bool) -> float:
         """Return longest step (s) from the present velocities of all dofs."""
         short, long = self._steps_s
-        if not (len(self._extents) or self.scene.arms_touch):
+        if not self._can_touch:
             return long
         if near:
             return short
@@ -252,7 +254,7 @@ class MujocoScene(ArmsScene):
             mujoco.mj_contactForce(self._model, data, index, force)
             one, other = (self._parts[int(geom)] for geom in contact.geom)
             place, friction = contact.pos.copy(), force[1:3] @ frame[1:]
-            order = "arm floor object"
+            order = "arm floor obstacle object"
             apart = float(contact.dist)
             contacts.append(
                 ordered_contact(one, other, place, 1.0 * frame[0], float(force[0]), friction, order, apart)
@@ -262,7 +264,7 @@ class MujocoScene(ArmsScene):
 
 @njit(cache=True)
 def _is_near(geoms, rows, bodies, n_objects):  # type: ignore[no-untyped-def]
-    """See `MujocoScene._is_near`; `bodies` are the geoms' objects, ARM or FLOOR, `rows` ≥ 0 where forces act."""
+    """See `MujocoScene._is_near`; `bodies` are the geoms' objects, ARM or FIXED, `rows` ≥ 0 where forces act."""
     touched = np.zeros(n_objects, np.bool_)
     for k in range(len(geoms)):
         for side in range(2):

@@ -20,7 +20,7 @@ from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import matrix_from_quaternion
 from pliant.records.design import Array, MassProperties
 from pliant.records.rollout import Inputs
-from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
+from pliant.records.scene import Arm, Contact, FreeBody, Obstacle, Part, Scene, SceneState
 from pliant_plugins.physics.compiled.efforts import efforts
 from pliant_plugins.physics.compiled.laws import CompiledLaws
 from pliant_plugins.physics.dynamic import ArmsScene, ordered_contact
@@ -45,7 +45,7 @@ STABLE_FOR_S = 0.05
 COURANT = 0.8
 # How many times heavier than everything in the scene the carriage is.
 CARRIAGE_SHARE = 1e9
-ARMS, OBJECTS, FLOOR = 2, 4, 8
+ARMS, OBJECTS, FIXED = 2, 4, 8
 
 
 class BulletObject(NamedTuple):
@@ -170,7 +170,7 @@ class BulletScene(ArmsScene):
             on_one = along1 * np.asarray(dir1, float) + along2 * np.asarray(dir2, float)
             middle = 0.5 * (np.asarray(on_a, float) + np.asarray(on_b, float)) / self.scale.length
             normal, force = -1.0 * np.asarray(normal_on_b, float), -1.0 * on_one / self.scale.force
-            press_n, order = press / self.scale.force, "arm object floor"
+            press_n, order = press / self.scale.force, "arm object obstacle floor"
             apart = distance / self.scale.length
             contacts.append(ordered_contact(one, other, middle, normal, press_n, force, order, apart))
         return tuple(contacts)
@@ -296,11 +296,13 @@ class BulletScene(ArmsScene):
             writer = CollisionWriter(Path(folder))
             self.arms = [self._arm(k, arm, carriage_kg, writer) for k, arm in enumerate(scene.arms)]
             self.objects = [self._object(k, one, writer) for k, one in enumerate(scene.objects)]
+            for k, obstacle in enumerate(scene.obstacles):
+                self._obstacle(k, obstacle, writer)
         if scene.floor_m is not None:
             plane = client.createCollisionShape(client.GEOM_PLANE)
             place = [0.0, 0.0, self.scale.length * scene.floor_m]
             body = client.createMultiBody(0.0, plane, basePosition=place)
-            self._add(body, Part("floor"), [-1], scene.floor_friction, FLOOR, OBJECTS | ARMS)
+            self._add(body, Part("floor"), [-1], scene.floor_friction, FIXED, OBJECTS | ARMS)
         # In the frame of each base, which does not turn: held there, no rounding of places enters.
         weight = carriage_kg * gravity
         self._holds = [(-arm.chain.base_rotation.T @ weight).tolist() for arm in scene.arms]
@@ -312,7 +314,7 @@ class BulletScene(ArmsScene):
             document(chain_tree(chain, base, writer)), chain.base_position_m, chain.base_rotation, writer
         )
         links = range(-1, chain.n_joints + 1)
-        self._add(body, Part("arm", number), links, arm.friction, ARMS, OBJECTS | FLOOR)
+        self._add(body, Part("arm", number), links, arm.friction, ARMS, OBJECTS | FIXED)
         return BulletArm(self.client, body, chain, self.scale)
 
     def _object(self, number: int, given: FreeBody, writer: CollisionWriter) -> BulletObject:
@@ -320,15 +322,22 @@ class BulletScene(ArmsScene):
         shapes = [self.scale.shape(shape) for shape in given.shapes]
         place = self.scale.length * np.asarray(given.position_m, float)
         body = self._load(body_urdf(piece, shapes, writer), place, given.rotation, writer)
-        self._add(body, Part("object", number), [-1], given.friction, OBJECTS, ARMS | OBJECTS | FLOOR)
+        self._add(body, Part("object", number), [-1], given.friction, OBJECTS, ARMS | OBJECTS | FIXED)
         self.client.set_dynamics(body, [-1], linearDamping=0.0, angularDamping=0.0)
         self.client.set_dynamics(body, [-1], maxJointVelocity=UNLIMITED_VELOCITY)
         return BulletObject(body, given.mass, principal(moving(piece))[1])
 
-    def _load(self, urdf: str, place: Array, rotation: Array, writer: CollisionWriter) -> int:
-        return self.client.load(
-            writer.folder / f"body_{len(self._parts)}.urdf", urdf, place, rotation, fixed=False
-        )
+    def _obstacle(self, number: int, given: Obstacle, writer: CollisionWriter) -> None:
+        shapes = [self.scale.shape(shape) for shape in given.shapes]
+        unmoved = MassProperties(1.0, np.zeros(3), np.eye(3))
+        body = self._load(body_urdf(unmoved, shapes, writer), np.zeros(3), np.eye(3), writer, fixed=True)
+        self._add(body, Part("obstacle", number), [-1], given.friction, FIXED, ARMS | OBJECTS)
+
+    def _load(
+        self, urdf: str, place: Array, rotation: Array, writer: CollisionWriter, fixed: bool = False
+    ) -> int:
+        path = writer.folder / f"body_{len(self._parts)}.urdf"
+        return self.client.load(path, urdf, place, rotation, fixed=fixed)
 
     def _add(
         self, body: int, part: Part, links: Iterable[int], friction: float, group: int, mask: int

@@ -24,13 +24,14 @@ from pliant.interfaces.physics import (
     roll_each,
     settle_each,
 )
-from pliant.interfaces.simulation import SimulationState
+from pliant.interfaces.simulation import SceneSimulation, SimulationState
 from pliant.mechanics.efforts import actuation_values
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Response, Rollout, Sensitivity
+from pliant.records.scene import Scene
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.newton import (
     ChainSolution,
@@ -221,6 +222,12 @@ class Quasistatic(PhysicsBackend):
         options = newton_options(chain, self.config)
         solver = compiled.compiled_solver(chain, options, packs)
         return solver, (lambda: compiled.responder(chain, options, packs)) if solver else None
+
+    def build_static_scene(self, scene: Scene) -> SceneSimulation:
+        """Return arms in equilibrium among fixed obstacles, without friction; see `StaticSceneBackend`."""
+        from pliant_plugins.physics.quasistatic.among_obstacles import StaticScene
+
+        return StaticScene(scene, self.config)
 
     def effort_tolerance(self) -> float:
         """Return the config's."""

@@ -1,0 +1,1 @@
+"""Push: a chain presses on a wall, at several places of the wall and levels of actuation."""

@@ -1,0 +1,1 @@
+"""Reach around: tips at places and directions behind fixed obstacles."""
