@@ -25,6 +25,7 @@ from pliant.registry.component import Component
 from pliant.registry.discovery import Registry, discover
 from pliant.registry.interface import interfaces
 from pliant.units import config_field_unit
+from pliant_print.config import MouldConfig, PrinterConfig, SolidConfig
 from pliant_search.config import (
     ObjectiveConfig,
     RobustConfig,
@@ -63,6 +64,9 @@ STUDY_BLOCKS: dict[type[FrozenModel], str] = {
     ObjectiveConfig: "search.objective",
     RobustConfig: "search.robust",
     VerifyConfig: "search.verify",
+    PrinterConfig: "printer",
+    SolidConfig: "solid",
+    MouldConfig: "mould",
 }
 STUDY_INTRODUCTION = [
     "YAML 1.2, with [units](../conventions.md#units) where you like; duplicate and unknown keys are errors. A block",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,39 @@ from pliant_bench.bench import BenchProtocol
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.loop.planner import first_repeat
+from pliant_bench.loop.rounds import Planner
 from pliant_bench.protocol_space import ProtocolSpace, changed
 
 ARMS = ("chosen", "random", "rich")
 # Share of random runs for which one condition is set anew: as many as of the rich protocol's runs.
 ANOTHER_SETTING = 0.25
+
+
+@dataclass
+class UntilRight:
+    """A planner that ends once its verdict has been right for some rounds, which only a judge can know.
+
+    It does the planners a favour that are compared with the chosen runs: they need not find out that no run would split
+    the class that is left.
+    """
+
+    planner: Planner
+    is_right: Callable[[Diagnosis], bool]
+    rounds: int
+    held: int = 0
+
+    def repeat(self, number: int) -> Choice:
+        """Return a repeat of the first condition."""
+        return self.planner.repeat(number)
+
+    def next(
+        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+    ) -> Choice:
+        """Return the planner's next run, or none."""
+        self.held = self.held + 1 if self.is_right(diagnosis) else 0
+        if self.held >= self.rounds:
+            return Choice(None, "expose", "The verdict is right.")
+        return self.planner.next(data, diagnosis, done, minutes_left)
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,10 @@
     python -m benchmarks.bench.closed_loop --sealed            judged truths, drawn for this code; in the ledger
     python -m benchmarks.bench.closed_loop --summarise         the table of the results that are there
 
-Every truth is met by three planners with the same bench, budget and stop rule: chosen runs, random runs of the same
-space, and the runs of the rich protocol in their order. Minutes contain motion, setting up and a person's work. The
-whole rich protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
+Every truth is met by three planners with the same bench and budget: chosen runs, random runs of the same space, and the
+runs of the rich protocol in their order. All end when a verdict holds; the planners that are compared also end when a
+judge sees that it is right, strictly or by class. Minutes contain motion, setting up and a person's work. The whole
+rich protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ[
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
-from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, rich_minutes
+from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, UntilRight, rich_minutes
 from benchmarks.bench.bed_bench import BedBench
 from benchmarks.bench.loop_tasks import LoopPlan, experiment
 from benchmarks.evidence import ledger, seal
@@ -38,12 +39,15 @@ from benchmarks.evidence.tasks import Task
 from benchmarks.output import OUT, make_parser
 
 from pliant import api
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.report.diagnosis import diagnosis_json
 from pliant.store.store import write_atomically
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
 from pliant_bench.loop.rounds import Experiment, Planner, run_rounds
 
+GROUPS = ("effect", "clean", "unknown", "pair")
 LEDGER = Path(__file__).with_name("ledger.jsonl")
 # Code that determines the result, besides that of the diagnosis.
 CODE = (*ledger.CODE, "core/pliant/experiments", "plugins/pliant_bench", "benchmarks/bench")
@@ -60,16 +64,25 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> Path:
     return study
 
 
-def perform(arm: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path) -> dict[str, Any]:
-    """Run the loop with one planner until it ends, and return its verdict and its minutes."""
+def perform(
+    arm: str, group: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path, finest: int
+) -> dict[str, Any]:
+    """Run the loop with one planner until it ends, and return its verdict and its minutes.
+
+    `finest` is the size of the class that no allowed run splits, as the chosen runs found it; 1 without one.
+    """
     opened = api.open_study(study, store=folder / "store")
     bench = BedBench.from_label(label, seed)
     settings = experiment(bench.robot)
-    planner: Planner = {
-        "chosen": lambda: TellingPlanner(opened, settings, bench),
-        "random": lambda: RandomRuns(settings, bench),
-        "rich": lambda: RichRuns(settings, bench),
-    }[arm]()
+
+    def right(diagnosis: Diagnosis) -> bool:
+        item = judge(group, dict(label), {"result": diagnosis_json(diagnosis), "wall_s": 0.0})
+        return is_right(item, finest)
+
+    planner: Planner = TellingPlanner(opened, settings, bench)
+    if arm != "chosen":
+        compared = RandomRuns(settings, bench) if arm == "random" else RichRuns(settings, bench)
+        planner = UntilRight(compared, right, settings.rounds)
     experiments = ExperimentFolder(folder / "experiment")
     started, cpu = time.perf_counter(), time.process_time()
     ended = run_rounds(
@@ -128,7 +141,8 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
                 label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
                 with tempfile.TemporaryDirectory() as scratch:
                     seed = ARMS.index(arm) + 10 * task.spec.seed
-                    line |= perform(arm, study, label, seed, Path(scratch))
+                    finest = finest_class(task.group, label, read(results).get(f"{name} {ARMS[0]}"))
+                    line |= perform(arm, task.group, study, label, seed, Path(scratch), finest)
             except Exception as error:
                 line |= {"error": f"{type(error).__name__}: {error}", "wall_s": 0.0}
             append(results, line)
@@ -136,10 +150,18 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
             print(f"{number}/{len(tasks)} {arm}: {line.get('ended') or line['error']}, {spent}", flush=True)
 
 
-def judged(
-    plan: LoopPlan, folder: Path, results: Path, key: bytes
-) -> list[tuple[str, Judged, dict[str, Any]]]:
-    """Return arm, judged answer and line of every result, in the order of the plan."""
+@dataclass(frozen=True)
+class Answer:
+    """The judged answer of one planner to one truth, with its line of results."""
+
+    arm: str
+    item: Judged
+    line: dict[str, Any]
+    right: bool
+
+
+def judged(plan: LoopPlan, folder: Path, results: Path, key: bytes) -> list[Answer]:
+    """Return every answer that is there, in the order of the plan."""
     lines, found = read(results), []
     for task in plan.tasks():
         name = task.secret_id(key)
@@ -148,44 +170,46 @@ def judged(
             if line is None:
                 continue
             label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
-            found.append((arm, judge(task.group, label, line), line))
+            item = judge(task.group, label, line)
+            finest = finest_class(task.group, label, lines.get(f"{name} {ARMS[0]}"))
+            found.append(Answer(arm, item, line, is_right(item, finest)))
     return found
 
 
-def is_right(item: Judged) -> bool:
-    """Return whether an answer is right strictly, or by the class that no allowed run splits."""
-    return item.is_right or item.by_class
+def is_right(item: Judged, finest: int) -> bool:
+    """Return whether an answer is right strictly, or by a class no larger than the one that no allowed run splits."""
+    return item.is_right or (item.by_class and (item.credible_size or 0) <= finest)
 
 
-def summary(items: Sequence[tuple[str, Judged, dict[str, Any]]]) -> dict[str, Any]:
+def finest_class(group: str, label: Mapping[str, Any], chosen: Mapping[str, Any] | None) -> int:
+    """Return the size of the class at which the chosen runs ended, if it contains the truth; 1 without one."""
+    if chosen is None or chosen.get("ended") != "class":
+        return 1
+    item = judge(group, dict(label), dict(chosen))
+    return item.credible_size or 1 if item.by_class else 1
+
+
+def summary(answers: Sequence[Answer]) -> dict[str, Any]:
     """Return counts and minutes of every arm, and the medians of the ratios of minutes."""
     found: dict[str, Any] = {}
     minutes: dict[str, dict[str, float]] = {arm: {} for arm in (*ARMS, "rich_whole")}
     for arm in ARMS:
-        mine = [(item, line) for one, item, line in items if one == arm]
-        clean = [item for item, _ in mine if item.group == "clean"]
+        mine = [one for one in answers if one.arm == arm]
+        groups = {group: [one for one in mine if one.item.group == group] for group in GROUPS}
         found[arm] = {
             "n": len(mine),
-            "right": sum(is_right(item) for item, _ in mine),
-            "strictly": sum(item.is_right for item, _ in mine),
-            "wrong_kind": sum(item.wrong_kind for item, _ in mine),
-            "clean": [sum(item.is_right for item in clean), len(clean)],
-            "errors": sum("error" in line for _, line in mine),
-            "groups": {
-                group: [
-                    sum(is_right(item) for item, _ in mine if item.group == group),
-                    sum(item.group == group for item, _ in mine),
-                ]
-                for group in sorted({item.group for item, _ in mine})
-            },
+            "right": sum(one.right for one in mine),
+            "strictly": sum(one.item.is_right for one in mine),
+            "wrong_kind": sum(one.item.wrong_kind for one in mine),
+            "errors": sum("error" in one.line for one in mine),
+            "groups": {group: [sum(one.right for one in some), len(some)] for group, some in groups.items()},
         }
-        for item, line in mine:
-            if "error" in line:
-                continue
-            name = line["id"].split()[0]
-            minutes["rich_whole"][name] = line["rich_minutes"]
-            # an arm that ends wrong or undecided would have needed at least its whole budget
-            minutes[arm][name] = sum(line["minutes"]) if is_right(item) else np.inf
+        for one in mine:
+            if "error" not in one.line:
+                name = one.line["id"].split()[0]
+                minutes["rich_whole"][name] = one.line["rich_minutes"]
+                # an arm that ends wrong or undecided would have needed at least its whole budget
+                minutes[arm][name] = sum(one.line["minutes"]) if one.right else np.inf
         taken = [value for value in minutes[arm].values() if np.isfinite(value)]
         found[arm]["minutes_median_of_right"] = float(np.median(taken)) if taken else None
     for arm in ("random", "rich", "rich_whole"):
@@ -198,22 +222,23 @@ def summary(items: Sequence[tuple[str, Judged, dict[str, Any]]]) -> dict[str, An
     return found
 
 
-def as_text(data: Mapping[str, Any], items: Sequence[tuple[str, Judged, dict[str, Any]]]) -> str:
+def as_text(data: Mapping[str, Any], answers: Sequence[Answer]) -> str:
     """Return a line for every answer, then the table."""
     lines = []
-    for arm, item, line in items:
-        used = sum(line.get("minutes", []))
-        outcome = "right" if item.is_right else "class" if item.by_class else item.outcome
+    for one in answers:
+        item, plans = one.item, one.line.get("minutes", [])
+        outcome = "right" if item.is_right else "class" if one.right else f"not ({item.outcome})"
         lines.append(
-            f"{item.kind:38s} {item.robot:7s} {item.engine:10s} {arm:7s} {outcome:10s} {item.answer:32s} "
-            f"{used:6.1f} min {len(line.get('minutes', []))} runs {line.get('cpu_s', 0):5.0f} s CPU {line.get('ended')}"
+            f"{item.kind:30s} {item.robot:6s} {item.engine:10s} {one.arm:7s} {outcome:15s} {item.answer:26s} "
+            f"{sum(plans):6.1f} min {len(plans):2d} runs {one.line.get('cpu_s', 0):5.0f} s CPU"
         )
     for arm in ARMS:
-        one = data[arm]
+        counts, right = data[arm], data[arm]["groups"]
+        of_groups = ", ".join(f"{group} {n}/{of}" for group, (n, of) in right.items())
         lines.append(
-            f"{arm}: right {one['right']}/{one['n']}, strictly {one['strictly']}, wrong kind {one['wrong_kind']}, "
-            f"clean {one['clean'][0]}/{one['clean'][1]}, errors {one['errors']}, "
-            f"median minutes of right ones {one['minutes_median_of_right']}"
+            f"{arm}: right {counts['right']}/{counts['n']} ({of_groups}), strictly {counts['strictly']}, wrong kind "
+            f"{counts['wrong_kind']}, errors {counts['errors']}, median minutes of right ones "
+            f"{counts['minutes_median_of_right']}"
         )
     for arm in ("random", "rich", "rich_whole"):
         ratio = data[f"chosen_to_{arm}"]
@@ -244,9 +269,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ledger.note({**begun, "share": given.share, "planned": len(LoopPlan().tasks())}, LEDGER)
     if not given.summarise:
         run(plan, folder, results, key, given.arms)
-    items = judged(plan, folder, results, key)
-    data = summary(items)
-    print(as_text(data, items))
+    answers = judged(plan, folder, results, key)
+    data = summary(answers)
+    print(as_text(data, answers))
     write_atomically(given.out / "closed_loop.json", json.dumps(data, indent=1))
     if given.sealed and not given.summarise:
         ledger.note({"run": begun["run"], "ended": ledger.now(), "figures": data}, LEDGER)

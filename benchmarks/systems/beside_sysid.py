@@ -1,6 +1,6 @@
 """The same systems and recordings for MuJoCo's own identification (`mujoco.sysid`) and for Pliant.
 
-    python -m benchmarks.systems.beside_sysid --systems reacher pusher --kinds viscous_damping supply_lag torque_ripple
+    python -m benchmarks.systems.beside_sysid --systems reacher pusher --kinds viscous_damping supply_lag --store
 
 Two runs are held out. Numbers of the model alone are fitted to the others: by `mujoco.sysid` the damping, friction loss
 and armature of every joint, the masses and the gains of the actuators; by `pliant extend` the same without armature,
@@ -26,6 +26,7 @@ from benchmarks.evidence.truths import CLEAN
 from benchmarks.output import OUT, make_parser
 from benchmarks.systems.form_table import EVERY
 from benchmarks.systems.protocol import Run, protocol
+from benchmarks.systems.publish import BESIDE
 from benchmarks.systems.robots import ROBOTS, Robot, mjcf, present
 from benchmarks.systems.sets import SystemSet, SystemSpec, make_set
 from benchmarks.systems.shapes import Array
@@ -63,6 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--draw", default="beside sysid", help="other sets for another word")
+    parser.add_argument("--store", action="store_true", help="put the rows into the table of the page")
     parser.add_argument("--no-improve", action="store_true", help="only the fits of numbers")
     given = parser.parse_args(arguments)
     if not hasattr(sysid, "optimize"):
@@ -84,6 +86,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
             spent = "  ".join(f"{v / 60:.1f}" for v in row["seconds"].values())
             print(f"{robot.name:14s}{row['hidden']:24s}{errors}   {spent}  {row['found']}", flush=True)
             write_atomically(OUT / "beside_sysid.json", json.dumps(rows, indent=1))
+            if given.store:
+                _stored(row)
+
+
+def _stored(row: dict[str, Any]) -> None:
+    """Put a row into the file of the page, in place of an earlier one of the same set."""
+    before = json.loads(BESIDE.read_text()) if BESIDE.exists() else []
+    others = [one for one in before if (one["robot"], one["hidden"]) != (row["robot"], row["hidden"])]
+    write_atomically(BESIDE, json.dumps([*others, row], indent=1) + "\n")
 
 
 def compared(spec: SystemSpec, improve: bool) -> dict[str, Any]:

@@ -24,6 +24,8 @@ from benchmarks import pages
 
 HERE = Path(__file__).parent
 LEDGER, ANSWERS = HERE / "ledger.jsonl", HERE / "answers.jsonl.gz"
+# Rows of `benchmarks.systems.beside_sysid --store`.
+BESIDE = HERE / "beside_sysid.json"
 PAGE = ROOT / "docs" / "how_often_it_is_right_for_your_model.md"
 MARK = pages.marks("systems")
 FIGURES = ("placed", "strictly", "by_class", "wrong_kind", "false_alarms", "unknown")
@@ -33,7 +35,13 @@ def stored() -> dict[str, Any]:
     """Return all tables of the latest sealed run, with the ledger."""
     lines = gzip.decompress(ANSWERS.read_bytes()).splitlines() if ANSWERS.exists() else []
     head, *answers = [json.loads(line) for line in lines] or [{}]
-    return {**summary(judged_twice(answers)), "run": head, "ledger": ledger.entries(LEDGER)}
+    beside = json.loads(BESIDE.read_text()) if BESIDE.exists() else []
+    return {
+        **summary(judged_twice(answers)),
+        "run": head,
+        "ledger": ledger.entries(LEDGER),
+        "beside": beside,
+    }
 
 
 def as_text(data: dict[str, Any]) -> str:
@@ -169,8 +177,27 @@ def systems(data: dict[str, Any]) -> Iterator[str]:
     yield from pages.table("system | package of its file | inputs | outputs | eight runs of", rows)
 
 
+def beside(data: dict[str, Any]) -> Iterator[str]:
+    """Errors on held-out runs in σ, after mujoco.sysid and after Pliant."""
+    if not data["beside"]:
+        yield "No set has been run to its end with this code."
+        return
+    names = ("stated", "sysid", "extend", "improve")
+    rows = (
+        (
+            f"`{one['robot']}`",
+            f"`{one['hidden']}`",
+            *(f"{one['error'][name]:.2f}" if name in one["error"] else "not run" for name in names),
+            ", ".join(f"`{kind}`" for kind in one["found"].split(" + ") if kind) or "–",
+        )
+        for one in data["beside"]
+    )
+    heads = "as it is | numbers by `mujoco.sysid` | numbers by Pliant | `improve` | what `improve` added"
+    yield from pages.table(f"system | hidden | {heads}", rows)
+
+
 TABLES: pages.Tables = {
-    t.__name__: t for t in (measured, bars, by_system, by_effect, times, runs, forms, systems)
+    t.__name__: t for t in (measured, bars, by_system, by_effect, times, runs, forms, systems, beside)
 }
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.config.loading import load_study
+from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.diagnosis.candidates import candidate_kinds
 from pliant.diagnosis.data_split import TrainTestSplit
@@ -46,6 +47,7 @@ from pliant.interfaces.model import SystemModel
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.inverse.statics import InverseStatics
 from pliant.measurements.recording import read_recording
+from pliant.measurements.system_reading import read_system_measurement
 from pliant.measurements.written_units import units_as_written
 from pliant.pipeline.carried import carried_chain
 from pliant.pipeline.segments import DesignStages
@@ -202,6 +204,29 @@ def read(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
         UserError: see `read_recording`.
     """
     measurement, block = read_recording(files, notes)
+    with displayed_in(units_as_written(measurement)):
+        return measurement, import_document(measurement, block)
+
+
+def read_for_model(opened: OpenStudy, files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, Document]:
+    """Read a recording by the channels of a study's own model and document how it was understood.
+
+    Args:
+        opened: a study with a `model`; the notes of its `measurements` hold here, too.
+        files: a path, or several.
+        notes: keys of a `measurements` block except `file`, which precede the study's.
+
+    Raises:
+        UserError: see `read_system_measurement`.
+    """
+    stated = opened.study.measurements
+    known = {} if stated is None else stated.model_dump(exclude_defaults=True, exclude={"file"}, mode="json")
+    named = [str(file) for file in files] if isinstance(files, list | tuple) else [str(files)]
+    block = {"file": named[0] if len(named) == 1 else named, **known, **notes}
+    assert opened.study.model is not None
+    system = opened.context.build("model", opened.study.model)
+    settings = MeasurementsConfig.model_validate(block)
+    measurement = read_system_measurement(files, settings, system.inputs, system.outputs)
     with displayed_in(units_as_written(measurement)):
         return measurement, import_document(measurement, block)
 

@@ -8,7 +8,7 @@ far leave possible, those that they determine least first.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.effect_fit import EffectFit
-from pliant.diagnosis.evidence_table import NOTHING, Kinds
+from pliant.diagnosis.evidence_table import NOTHING, Kinds, sorted_kinds
 from pliant.diagnosis.next_run import MOST_CONTENDERS, Belief, information_matrix
 from pliant.registry.discovery import Registry
 
@@ -75,7 +75,7 @@ def _against(
     """Return the explanation at even odds with itself and one effect of the group."""
     fits = {base: diagnosis.fits[base]}
     fits |= {
-        kinds if base == NOTHING else (*base, *kinds): _added(diagnosis, base, kinds, registry)
+        kinds if base == NOTHING else (*base, *kinds): _added(diagnosis, belief, base, kinds, registry)
         for kinds in group
     }
     odds = {kinds: SETTLED if kinds == base else (1.0 - SETTLED) / len(group) for kinds in fits}
@@ -95,21 +95,19 @@ def _least_determined(diagnosis: Diagnosis, belief: Belief) -> list[Kinds]:
     return sorted(spread, key=lambda kinds: -spread[kinds])
 
 
-def _added(diagnosis: Diagnosis, base: Kinds, kinds: Kinds, registry: Registry) -> EffectFit:
-    """Return the fit of the explanation with one further effect, which begins at no strength."""
+def _added(diagnosis: Diagnosis, belief: Belief, base: Kinds, kinds: Kinds, registry: Registry) -> EffectFit:
+    """Return the fit of the explanation with one further effect; where it was not fitted, by one linear step."""
     first, second = diagnosis.fits[base], diagnosis.fits[kinds]
-    if base == NOTHING:
-        return second
+    known = diagnosis.fits.get(sorted_kinds((*base, *kinds)))
+    if known is not None and math.isfinite(known.mean_square()):
+        return known
     forms = (*first.candidate.forms, *second.candidate.forms)
     candidate = EffectSet.from_kinds(registry, (*base, *kinds), forms)
-    if len(candidate) != len(first.x) + len(second.x):
-        return first
-    return EffectFit(
-        candidate,
-        np.concatenate([first.x, np.zeros(len(second.x))]),
-        first.residual,
-        np.column_stack([first.slopes, second.slopes]),
-        True,
-        (*first.at_limit, *second.at_limit),
-        max(first.parts, second.parts),
-    )
+    slopes = np.column_stack([first.slopes, second.slopes])
+    limits = (*first.at_limit, *second.at_limit)
+    x = np.concatenate([first.x, np.zeros(len(second.x))])
+    start = EffectFit(candidate, x, first.residual, slopes, True, limits, max(first.parts, second.parts))
+    weight = belief.n_effective / (len(first.residual) * belief.square)
+    pull = weight * slopes.T @ first.residual
+    step = np.linalg.solve(information_matrix(start, belief.n_effective, belief.square), pull)
+    return replace(start, x=np.clip(x + step, *candidate.limits()))

@@ -1,4 +1,4 @@
-"""`pliant export`: a study's robot or its law as files for other programs, or its surface as STL."""
+"""`pliant export`: a study's robot or its law as files for other programs, or as solids to print and moulds."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from pliant.pipeline.workbench import RunContext
 from pliant.records.mount import Mount
 from pliant.records.shape import TriangleMesh
 from pliant.registry.discovery import Registry
+from pliant.registry.function import package_function
 from pliant_export.check_file import CheckFile, posed_states, reference_law_points, settled_states
 from pliant_export.law_files import ENDINGS, LAW_FORMATS, write_laws
 from pliant_export.system_export import export_system
@@ -35,7 +36,9 @@ from pliant_export.written_law import NOT_WRITTEN, has_form, identifier
 
 # File endings that do not determine their format.
 FORMATS = {"xml": "mjcf", "h": "c", "py": "numpy"}
-STL, SCENE, REACHABLE = "stl", "mjcf", "reachable"
+SCENE, REACHABLE = "mjcf", "reachable"
+STL, SOLIDS = "stl", ("3mf", "stl", "step")
+PRINT = "pliant_print"
 ACTS = {
     "mjcf": "The module beside it lets the law act in plain MuJoCo: load() or install(model), then data.ctrl takes the "
     "inputs. Without it the file is a spring with the stiffness at rest.",
@@ -45,15 +48,10 @@ ACTS = {
 }
 
 
-def rest_surface(context: RunContext, study: Study, part: str, scale: float) -> TriangleMesh:
-    """Return the surface of the study's chain at rest, or of one module, without inner walls between pieces."""
-    if not (scale > 0 and math.isfinite(scale)):
-        raise UserError(f"--scale {scale:g} is no scale; 1000 writes millimetres.")
+def drawn_surface(context: RunContext, study: Study, part: str) -> TriangleMesh:
+    """Return the surface of the study's chain at rest, or of one module, as `family.visual` draws it."""
     if part == "module":
-        family = context.build("family", study.need("family", "the STL of a module"))
-        return welded(seen_surface(family).whole)
-    if part != "chain":
-        raise UserError(f"--part {part} is neither 'chain' nor 'module'.")
+        return welded(seen_surface(context.build("family", study.need("family", "an STL"))).whole)
     study.need("chain", "the STL of a chain")
     check_study(context, study)
     chain = drawn_chain(context, StudyRun(study, build_study_laws(context, study)))
@@ -69,8 +67,8 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="A .xml (MJCF), .urdf or .stl; the law alone as .h (C), .py or .json; of a model of your own .xml "
-            "or .csv.",
+            help="A .xml (MJCF) or .urdf; the solid as .3mf, .stl or .step; the law alone as .h (C), .py or .json; "
+            "of a model of your own .xml or .csv; with --mould a folder.",
         ),
     ],
     overrides: Overrides = None,
@@ -78,55 +76,72 @@ def export(
         str | None,
         typer.Option(
             "--format",
-            help="mjcf, urdf, stl, c, numpy, torch, jax or json, by the file's ending where it is left out; or "
-            "reachable (.csv).",
+            help="mjcf, urdf, 3mf, stl, step, c, numpy, torch, jax or json, by the file's ending where it is left "
+            "out; or reachable (.csv).",
         ),
     ] = None,
     part: Annotated[
         str,
         typer.Option(
             "--part",
-            help="'chain'; stl: one 'module' in its own frame; mjcf: the task's 'scene', fingers and objects.",
+            help="'chain'; solids: one 'module' in its own frame; mjcf: the task's 'scene', fingers and objects.",
         ),
     ] = "chain",
     scale: Annotated[
         float,
         typer.Option("--scale", help="stl: the file's lengths are metres times this; 1000 for millimetres."),
     ] = 1.0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite files of an exported model that are there already.")
+    ] = False,
+    mould: Annotated[
+        bool, typer.Option("--mould", help="Write a mould for casting into the folder --out instead.")
+    ] = False,
+    protocol: Annotated[
+        bool,
+        typer.Option(
+            "--protocol", help="Solids, moulds: also the protocol of the first bench run; needs the law."
+        ),
+    ] = False,
 ) -> None:
-    """Export the robot as MJCF or URDF with its law and surfaces, its law alone, or its surface as STL.
+    """Export the robot as MJCF or URDF with its law and surfaces, its law alone, or as a solid to print or cast.
 
     An MJCF file comes with a Python module that makes it act in plain MuJoCo, a URDF file with the law as JSON and a
     reader. The law alone is written as C, NumPy, torch, JAX or JSON. Each has a check file `FILE.check.json` with the
-    study's predictions. An STL of one module needs no FEM. The format reachable writes where the tip can go, as a table
-    and as a picture. A study with a `model` of its own writes that model with its effects: an MJCF with a module for
-    what MJCF cannot say and a check file, or parameters.csv.
+    study's predictions. A solid (3MF, STL, STEP) is the FEM's mesh with cap, flange and inlets, one body per material,
+    checked, with a bill beside it; it needs no FEM. --mould writes halves, cores and a bill instead. The format
+    reachable writes where the tip can go, as a table and as a picture. A study with a `model` of its own writes that
+    model with its effects: an MJCF with a module for what MJCF cannot say and a check file, or
+    parameters.csv; files that are there already stay without --force.
     """
-    if out.is_dir():
+    if out.is_dir() and not mould:
         raise UserError(f"--out {out} is a folder; give the name of a file in it.")
     loaded = session.study(study, overrides)
     if loaded.model is not None:
-        if form or part != "chain" or scale != 1.0:
+        if form or part != "chain" or scale != 1.0 or mould or protocol:
             raise UserError(
-                "--format, --part and --scale are for chains of modules; the ending of --out decides for other models."
+                "--format, --part, --scale, --mould and --protocol are for chains of modules; the ending of --out "
+                "decides for other models."
             )
-        export_system(session, loaded, out)
+        export_system(session, loaded, out, force)
         return
     wanted = (form or out.suffix.removeprefix(".")).lower()
     wanted = FORMATS.get(wanted, wanted)
     if wanted == REACHABLE:
         _export_reachable(session, loaded, out)
         return
-    if wanted == STL:
-        surface = rest_surface(session.context(), loaded, part, scale)
-        check_writable(out.parent)
-        write_stl(surface, out, scale)
-        session.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
-        session.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
+    if mould:
+        _export_mould(session, loaded, out, form, part, protocol)
         return
+    if wanted in SOLIDS:
+        _export_solid(session, loaded, out, wanted, part, scale, protocol)
+        return
+    if protocol:
+        raise UserError("--protocol is for solids and moulds; for other files use 'pliant plan'.")
     if scale != 1.0 or part not in ("chain", "scene") or (part == "scene" and wanted != SCENE):
         raise UserError(
-            "--scale and --part module are for STL, --part scene is for MJCF; other files hold the chain in metres."
+            "--part module is for 3MF, STL and STEP, --part scene is for MJCF, --scale is for STL; other files hold "
+            "the chain in metres."
         )
     if wanted in LAW_FORMATS:
         _export_law(session, loaded, out, wanted)
@@ -159,6 +174,39 @@ def export(
         session.say(_onto(carried.chain.mount, files))
     for sentence in carried.sentences:
         session.say(sentence)
+
+
+def _export_solid(
+    session: Session, study: Study, out: Path, form: str, part: str, scale: float, protocol: bool
+) -> None:
+    """Write the solid; for a study whose `family.visual` draws the modules, an STL of the drawing."""
+    if not (scale > 0 and math.isfinite(scale)):
+        raise UserError(f"--scale {scale:g} is no scale; 1000 writes millimetres.")
+    if scale != 1.0 and form != STL:
+        raise UserError(f"--scale is for STL; {form.upper()} files are in millimetres and say so.")
+    if part not in ("chain", "module"):
+        raise UserError(f"--part {part} is neither 'chain' nor 'module'.")
+    if study.family is not None and study.family.visual is not None and form == STL:
+        surface = drawn_surface(session.context(), study, part)
+        check_writable(out.parent)
+        write_stl(surface, out, scale)
+        session.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
+        session.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
+        session.say(
+            "It is the surface that 'family.visual' draws; leave that key out for the solid that is solved."
+        )
+        return
+    package_function("export_solid", PRINT)(session, study, out, form, part, scale, protocol)
+
+
+def _export_mould(
+    session: Session, study: Study, out: Path, form: str | None, part: str, protocol: bool
+) -> None:
+    if form or part != "chain":
+        raise UserError(
+            "--mould writes a folder of 3MF files of the whole chain; leave --format and --part out."
+        )
+    package_function("export_mould", PRINT)(session, study, out, protocol)
 
 
 def _onto(mount: Mount, files: Sequence[Path]) -> str:
@@ -314,7 +362,7 @@ def find_writer(registry: Registry, out: Path, form: str | None) -> ExportBacken
         known.append(engine.export_format)
     endings = {of: ending for ending, of in FORMATS.items()}
     endings |= ENDINGS
-    every = sorted([*known, STL, *LAW_FORMATS])
+    every = sorted([*known, *SOLIDS, *LAW_FORMATS])
     told = ", ".join(f"{name} (.{endings.get(name, name)})" for name in every)
     said = f"--format {form}" if form else f"--out {out.name}"
     cause = f"no engine writes '{wanted}'" if wanted else "the name has no ending"

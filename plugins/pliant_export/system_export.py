@@ -17,18 +17,32 @@ from pliant.records.measurement import Measurement
 from pliant_export.parameter_table import ParameterRow, parameter_rows, write_parameters
 
 TABLES = (".csv", ".json")
+# Endings of the files that an exported model has beside it.
+BESIDE = (".py", ".check.json")
 CHECKED_RUNS, CHECKED_SAMPLES = 2, 1000
 
 
-def export_system(session: Session, study: Study, out: Path) -> None:
-    """Write the improved model in its own format, or a table of parameters; raise `UserError` if it cannot be."""
+def export_system(session: Session, study: Study, out: Path, force: bool = False) -> None:
+    """Write the improved model in its own format, or a table of parameters.
+
+    Raises:
+        UserError: it cannot be written, or a file is there already and `force` is not given.
+    """
+    table = out.suffix.lower() in TABLES
+    beside = () if table else tuple(out.with_suffix(ending) for ending in BESIDE)
+    there = [file for file in (out, *beside) if file.exists()]
+    if there and not force:
+        names = " and ".join(str(file) for file in there)
+        raise UserError(
+            f"{names} {'are' if len(there) > 1 else 'is'} there already; give another --out, or --force to overwrite."
+        )
     check_writable(out.parent)
     model = api.predictor(api.OpenStudy(study, session.context()))
     assert isinstance(model, DrivenModel)
     measurement = model.measurement
     fitted = f"{measurement.source} (sha256 {measurement.sha256[:8]})"
     rows = parameter_rows(study, model)
-    if out.suffix.lower() in TABLES:
+    if table:
         every = [row for some in rows for row in some]
         if not every:
             raise UserError(

@@ -107,16 +107,24 @@ class MjcfModel(SystemModel):
         loaded = self.loaded
         with silent():
             model = changed_model(self.config.file, loaded.spec, loaded.model, _known(parts.changes))
-            samples = [_samples(drive, model) for drive in drives]
-            march = self._march(model, drives, samples, parts.changes)
-            readings = _sampled(march, samples, model.nsensordata)
+            readings, march = self._readings(model, drives, parts.changes)
         if not parts.changes and not parts.inputs:
-            self._check_stable(march, drives, samples)
-        addresses = {one.sensor: int(model.sensor(one.sensor).adr[0]) for one in loaded.outputs}
+            self._check_stable(march, drives)
+        return readings
+
+    def _readings(
+        self, model: Any, drives: Sequence[Drive], changes: Sequence[object]
+    ) -> tuple[tuple[SystemReadings, ...], March]:
+        """Return the readings of each run by a compiled model, and the runs after their last step."""
+        samples = [_samples(drive, model) for drive in drives]
+        march = self._march(model, drives, samples, changes)
+        tables = _sampled(march, samples, model.nsensordata)
+        outputs = self.loaded.outputs
+        addresses = {one.sensor: int(model.sensor(one.sensor).adr[0]) for one in outputs}
         return tuple(
-            {one.channel.name: table[:, addresses[one.sensor] + one.component] for one in loaded.outputs}
-            for table in readings
-        )
+            {one.channel.name: table[:, addresses[one.sensor] + one.component] for one in outputs}
+            for table in tables
+        ), march
 
     def _march(
         self, model: Any, drives: Sequence[Drive], samples: Sequence[Samples], changes: Sequence[object]
@@ -153,8 +161,9 @@ class MjcfModel(SystemModel):
             control[:, one.actuator] = one.control(drive.history.actuation[one.channel.name])
         return control
 
-    def _check_stable(self, march: March, drives: Sequence[Drive], samples: Sequence[Samples]) -> None:
+    def _check_stable(self, march: March, drives: Sequence[Drive]) -> None:
         """Raise `UserError` if every run diverges before its second sample."""
+        samples = [_samples(drive, march.model) for drive in drives]
         if all(one.after(int(k))[1:].all() for one, k in zip(samples, march.failed_at, strict=True)):
             step_s = float(march.model.opt.timestep)
             raise UserError(
@@ -171,6 +180,19 @@ class MjcfModel(SystemModel):
         with silent():
             march = self._march(model, drives, [_samples(drive, model) for drive in drives], ())
             return run_remarks(march, drives, self.loaded.inputs)
+
+    def step_error(self, drives: Sequence[Drive]) -> Mapping[str, float]:
+        """Return the RMS change of each output, SI, with half the file's time step."""
+        whole, half = self.loaded.model, self.loaded.model.__copy__()
+        half.opt.timestep *= 0.5
+        with silent():
+            read = [self._readings(model, drives, ())[0] for model in (whole, half)]
+        found = {}
+        for name in read[0][0]:
+            change = np.concatenate([b[name] - a[name] for a, b in zip(*read, strict=True)])
+            if np.isfinite(change).all():
+                found[name] = float(np.sqrt(np.mean(change**2)))
+        return found
 
     def export(self, improved: Improved, target: Path) -> Exported:
         """Write an MJCF with the effects that it can say, and a module for the others; see `pliant_mjcf.export`."""

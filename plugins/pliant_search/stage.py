@@ -24,6 +24,7 @@ from pliant.store.store import Artifact
 from pliant_designs.stage import meta_model_stage
 from pliant_search.evaluate.evaluator import OF_EVERY_TASK, build_search_problem, evaluator_from_study
 from pliant_search.evaluate.scenarios import tolerance_notes
+from pliant_search.evaluate.solid_metrics import named_of_solids
 from pliant_search.problem.feasibility import require_feasible, require_reachable
 from pliant_search.problem.search_problem import SearchProblem, reevaluation_problem
 from pliant_search.records import FoundDesign, SearchResult, SearchRound
@@ -200,7 +201,9 @@ def _require_measured(context: RunContext, problem: SearchProblem) -> None:
     if ("task", "kind") not in set_by_search(problem):
         measured = context.build("task", problem.study.need("task", "a search")).measures()
         if measured:
-            problem.require_metrics(dict.fromkeys((*measured, *OF_EVERY_TASK), 0.0))
+            problem.require_metrics(
+                dict.fromkeys((*measured, *OF_EVERY_TASK, *named_of_solids(problem)), 0.0)
+            )
 
 
 def _require_choosable(context: RunContext, study: Study, problem: SearchProblem) -> None:

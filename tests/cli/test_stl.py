@@ -72,8 +72,9 @@ def test_the_module_stl_is_closed_and_weighs_what_the_module_weighs(pliant, stud
 def test_the_chain_stl_in_millimetres_hangs_from_the_base(pliant, study):
     assert pliant("export", "bellow.yaml", "--out", "chain.stl", "--scale", "1000").code == 0
     solid = trimesh.load_mesh("chain.stl")
-    np.testing.assert_allclose(solid.bounds[:, 2], [-33, 0], atol=1e-3)
-    assert solid.is_watertight
+    # three modules and a cap of two walls below the base, the flange of 6 mm above it
+    np.testing.assert_allclose(solid.bounds[:, 2], [-33 - 3, 6], atol=0.03)
+    assert solid.is_watertight and solid.volume > 0
 
 
 @pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
@@ -143,8 +144,8 @@ def test_a_wrong_file_is_told_before_anything_runs(pliant, workplace, study, box
     [
         (("--part", "leg", "--out", "a.stl"), "neither 'chain' nor 'module'"),
         (("--scale", "0", "--out", "a.stl"), "no scale"),
-        (("--part", "module", "--out", "a.urdf"), "for STL"),
-        (("--out", "a.step"), "stl"),
+        (("--part", "module", "--out", "a.urdf"), "for 3MF, STL and STEP"),
+        (("--out", "a.dwg"), "stl"),
     ],
 )
 def test_wrong_words(pliant, study, words, told):

@@ -336,3 +336,15 @@ def test_a_shape_on_its_bound_is_no_stand_in_while_another_is_free() -> None:
     assert core(OPEN, {kinds: frozenset(kinds) for kinds in OPEN})[0] == "damping"
     # it counts for the most probable effect
     assert core(OPEN, {("bias", "damping"): frozenset({"damping"})})[0] == "damping"
+
+
+def test_an_unexplained_error_says_how_far_it_is_lowered() -> None:
+    """A row that halves the error stands beside the sentence: it names that row."""
+    lowered = judge(
+        table({(): 100.0, ("stiffness",): 36.0, ("mullins",): 90.0, ("leak",): 99.0}, n=400.0), THRESHOLDS, 3
+    )
+    assert lowered.verdict == "unknown_effect"
+    (said,) = lowered.reasons
+    assert "stiffness lowers it most, to 6.0" in said and "none explains all of it" in said
+    (said,) = judge(table({(): 100.0, ("stiffness",): 96.0, ("leak",): 99.0}, n=400.0), THRESHOLDS, 3).reasons
+    assert said.endswith("nor a few of them together, brings it down.")

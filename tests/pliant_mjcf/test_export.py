@@ -270,6 +270,25 @@ def test_meshes_come_along(tmp_path: Path) -> None:
     assert checked(exported.files[1]) == []
 
 
+def test_comments_of_the_file_are_kept(tmp_path: Path) -> None:
+    xml = LIMB.replace("<compiler", "<!-- measured in May -->\n<compiler", 1)
+    xml = xml.replace('<joint name="elbow"', '<!-- worn --> <joint name="elbow"')
+    xml = xml.replace("</worldbody>", "<!-- more arms -->\n</worldbody>", 1)
+    xml = xml.replace('<motor name="motor"', '<!-- 12 V --><motor name="motor"')
+    exported, _ = export(tmp_path, built(REGISTRY, "stiffness@elbow", stiffness_n_m_per_rad=0.4), xml=xml)
+    text = exported.files[0].read_text()
+    lines = [line.strip() for line in text.splitlines()]
+    for words, element in (
+        ("measured in May", "<compiler"),
+        ("worn", '<joint name="elbow"'),
+        ("more arms", "<worldbody"),
+        ("12 V", '<general name="motor"'),
+    ):
+        behind = lines[lines.index(f"<!-- {words} -->") + 1 :]
+        assert next(line for line in behind if not line.startswith("<!--")).startswith(element), words
+    assert checked(exported.files[1]) == []
+
+
 def test_the_command_writes_model_and_parameters(tmp_path: Path) -> None:
     (tmp_path / "limb.xml").write_text(LIMB)
     system = model_of(tmp_path, LIMB)
@@ -297,7 +316,15 @@ def test_the_command_writes_model_and_parameters(tmp_path: Path) -> None:
         (row,) = csv.DictReader(file)
     assert row["acts_at"] == "elbow" and row["unit"] == "N*m" and float(row["sd"]) == pytest.approx(0.002)
     assert float(row["low"]) == pytest.approx(0.05 - 1.645 * 0.002, rel=1e-3)
-    called("export", tmp_path / "limb.yaml", "--out", tmp_path / "limb.xml").refused("the study's own MJCF")
+    own = ("export", tmp_path / "limb.yaml", "--out", tmp_path / "limb.xml")
+    called(*own).refused("limb.xml is there already", "--force")
+    called(*own, "--force").refused("the study's own MJCF")
+    again = ("export", tmp_path / "limb.yaml", "--out", tmp_path / "improved.xml")
+    (tmp_path / "improved.xml").unlink()
+    called(*again).refused("improved.py", "improved.check.json", "are there already", "--force")
+    assert not (tmp_path / "improved.xml").exists()
+    called(*again, "--force").done()
+    assert (tmp_path / "improved.xml").read_text() == text
 
 
 def test_an_effect_that_cannot_be_written_is_named(tmp_path: Path) -> None:

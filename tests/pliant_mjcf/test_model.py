@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.pliant_mjcf.mjcf_models import ARM, BOX, MOTOR, drive, model_of, pendulum, simulated
 
+import pliant
 from pliant.errors import UserError
 from pliant.interfaces.effect import EffectParameter
 from pliant.interfaces.model import SystemParts
@@ -364,6 +365,27 @@ def test_remarks(tmp_path: Path) -> None:
     wild = model_of(tmp_path, pendulum(step=0.01, damping=-5.0), "wild.xml")
     (said,) = wild.remarks([drive(TIME, {"angle_rad": 0.5}, drive_n_m=STILL)])
     assert said.startswith("The simulation of run 'run' diverges from ")
+
+
+def test_a_coarse_time_step_is_said(tmp_path: Path) -> None:
+    """The recording comes from a short step; a file with a long one is off by more than the noise."""
+    push = drive(TIME, {"angle_rad": 0.0}, drive_n_m=np.sin(6.0 * TIME))
+    fine = model_of(tmp_path, pendulum(step=0.0005, integrator="Euler"), "fine.xml")
+    half = simulated(model_of(tmp_path, pendulum(step=0.01, integrator="Euler"), "half.xml"), push)
+    coarse = model_of(tmp_path, pendulum(step=0.02, integrator="Euler"), "coarse.xml")
+    change = half["angle_rad"] - simulated(coarse, push)["angle_rad"]
+    assert coarse.step_error([push])["angle_rad"] == pytest.approx(np.sqrt(np.mean(change**2)))
+    rows = zip(TIME, np.sin(6.0 * TIME), simulated(fine, push)["angle_rad"], strict=True)
+    noise = np.random.default_rng(0).normal(0.0, 2e-4, len(TIME))
+    lines = [f"{t:.3f},{u:.6f},{a + e:.6f}" for (t, u, a), e in zip(rows, noise, strict=True)]
+    (tmp_path / "bench.csv").write_text("\n".join(["time_s,drive_n_m,angle_rad", *lines]) + "\n")
+    remarks = {}
+    for name in ("fine", "coarse"):
+        model = pliant.MjcfModel(tmp_path / f"{name}.xml", initial="first", store=tmp_path / "store")
+        remarks[name] = model.compare(tmp_path / "bench.csv").remarks
+    assert not any("time step" in one for one in remarks["fine"])
+    (said,) = (one for one in remarks["coarse"] if "time step" in one)
+    assert "half the model's time step changes angle_rad by " in said and "a smaller step" in said
 
 
 def test_the_fingerprint_changes_with_an_included_file(tmp_path: Path) -> None:

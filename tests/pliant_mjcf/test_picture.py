@@ -12,6 +12,7 @@ from tests.command import called
 from tests.pliant_mjcf.mjcf_models import model_of, pendulum
 from tests.pliant_mjcf.test_export import LIMB
 
+import pliant
 from pliant.interfaces.model import SystemPicture
 from pliant_mjcf.picture import SIZE
 
@@ -91,4 +92,6 @@ def test_pages_show_where_effects_act(tmp_path: Path, monkeypatch: pytest.Monkey
         r"\s+", " ", re.sub(r"<script.*?</script>|<style.*?</style>|<[^>]+>", " ", page, flags=re.DOTALL)
     )
     assert "Where it acts" in words and "joints: elbow" in words and "gravity_scale the world" in words
+    shown = pliant.open(tmp_path / "limb.yaml", store=tmp_path / "store").compare()._repr_html_()
+    assert '<img alt="the model" src="data:image/png;base64,' in shown
     assert not re.search(r"\b(chain|bend|pressure|valve|finger)s?\b", words, flags=re.IGNORECASE)

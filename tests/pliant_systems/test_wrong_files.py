@@ -146,7 +146,9 @@ def test_wrong_answers(study: Path, pattern: str, new: str, says: str) -> None:
 
 def test_readings_that_are_never_finite(study: Path) -> None:
     changed(study, RETURN, "    return {'angle_rad': found[:, 0] * np.nan, 'speed_rad_s': found[:, 1]}")
-    refused(study, "the model has no finite reading in any measured run", code=3)
+    refused(
+        study, "the model has no finite reading in any measured run", "Simulate one run with the model alone"
+    )
 
 
 def test_a_shape_that_changes_with_a_parameter_is_named(study: Path) -> None:

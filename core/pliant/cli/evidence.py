@@ -128,7 +128,7 @@ def diagnose(
 
     # The file of the next run names the study, the data and the folder by their paths.
     paths = [str(path) for path in (Path.cwd(), study, folder, *(data or ()))]
-    options = {"kinds": kinds, "asked": effect or [], "paths": paths, "page": page}
+    options = {"kinds": kinds, "asked": effect or [], "paths": paths}
     stored = stored_answer(Question(context, loaded, measurement, options, MODULES), answer, page)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     for file, text in stored.files.items():

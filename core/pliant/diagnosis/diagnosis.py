@@ -35,19 +35,27 @@ from pliant.diagnosis.excitation import (
     not_excited,
 )
 from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.isolating_run import isolating_run
 from pliant.diagnosis.law_off import LawOff, law_off
 from pliant.diagnosis.law_posterior import LawErrorPrior, law_error_prior
 from pliant.diagnosis.learned_term import LearnedTerm, learn
 from pliant.diagnosis.learned_words import offer
 from pliant.diagnosis.left_out import condition_indices, heldout_residual
-from pliant.diagnosis.next_run import Belief, NextRun, catalogue_view, run_that_excites, what_next
+from pliant.diagnosis.next_run import (
+    Belief,
+    NextRun,
+    catalogue_view,
+    done_before,
+    run_that_excites,
+    what_next,
+)
 from pliant.diagnosis.noise import LEAST_SQUARE, NoiseView, noise_view
 from pliant.diagnosis.places import kinds_at_places
 from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector, readings_over_floor
 from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, Verdict, judge
-from pliant.errors import NotReachedError
+from pliant.errors import NotReachedError, UserError
 from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.compared import predict_knowing
@@ -55,6 +63,7 @@ from pliant.evidence.covariates import covariates
 from pliant.evidence.error_bins import run_residuals
 from pliant.evidence.importance import importance
 from pliant.evidence.measured_model import MeasuredModel
+from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Executor, Workers, executor_for, own_threads
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, percent, whole_percent
@@ -190,7 +199,7 @@ def diagnose(
         predictor = predictor.for_runs(short)
     mistakes = find_mistakes(predictor)
     plain = predict_knowing(predictor, mistakes)
-    measurement, lost = _followed(short, plain)
+    measurement, lost = _followed(short, plain, isinstance(predictor, Predictor))
     readings, floors = readings_over_floor(measurement, run_residuals(measurement, plain))
     fitter = Fitter(predictor, readings)
     nothing = fitter.fit(EffectSet.from_kinds(registry, NOTHING))
@@ -241,6 +250,9 @@ def diagnose(
     view = catalogue_view(predictor, readings.scales, n, runs).with_law_error(fitter.law)
     belief = Belief.from_fits(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
+    reasons = importance(residuals, found, dict(readings.scales))
+    if ahead is None and judgement.verdict == "unknown_effect" and not isinstance(predictor, Predictor):
+        ahead = isolating_run(view.runs, reasons, done_before(view, measurement))
     excited = {kind: one for kind, one in shown.items() if kind not in unexcited}
     return Diagnosis(
         measurement=measurement,
@@ -253,7 +265,7 @@ def diagnose(
         indistinguishable=confounded_with(shown, search.fits, n, fitter.law),
         classes=split_classes(registry, view, excited, n, judgement.credible, fitter.law),
         detectable=detectable(shown, n, thresholds, fitter.law),
-        depends_on=importance(residuals, found, dict(readings.scales)),
+        depends_on=reasons,
         circumstances={item.name: item.shown.label for item in found.items},
         next_run=ahead,
         remarks=(
@@ -294,9 +306,12 @@ def _learned(predictor: MeasuredModel, readings: ReadingVector, table: EvidenceT
 
 
 def _followed(
-    measurement: Measurement, plain: Sequence[Mapping[str, Array]]
+    measurement: Measurement, plain: Sequence[Mapping[str, Array]], has_law: bool
 ) -> tuple[Measurement, tuple[str, ...]]:
-    """Return the readings at which the unchanged model has an equilibrium, and a sentence about the others."""
+    """Return the readings at which the unchanged model has a state, and a sentence about the others.
+
+    A chain with a law may have no equilibrium there; a user's own model diverges or returns NaN.
+    """
     runs, without = [], {}
     for run, model in zip(measurement.runs, plain, strict=True):
         lost = np.any([~np.isfinite(values) for values in model.values()], axis=0)
@@ -308,6 +323,14 @@ def _followed(
         return measurement, ()
     worst, n = max(without, key=lambda name: without[name]), sum(without.values())
     of = sum(map(len, runs))
+    if not has_law:
+        where = f"The model has no finite reading in {n} of {of} samples, most of them in run '{worst}'"
+        if n > MOST_WITHOUT * of:
+            raise UserError(
+                f"{measurement.source}: {where[:1].lower()}{where[1:]}: it diverges there, or returns NaN. Look at "
+                "that run's inputs and first readings, and at the model's time step."
+            )
+        return replace(measurement, runs=tuple(runs)), (f"{where}: these readings are left out.",)
     if n > MOST_WITHOUT * of:
         raise NotReachedError(
             f"{measurement.source}: the model has no equilibrium in {n} of {of} measured states, most of them in run "

@@ -106,7 +106,12 @@ def excitations(
 ) -> dict[str, Excitation]:
     """Return every effect at the end of its plausible strength, with shapes in the middle of their range."""
     candidates = [EffectSet.from_kinds(registry, (kind,)) for kind in kinds]
-    asked = [(candidate, end, nothing.parts) for candidate in candidates for end in _ends(candidate)]
+    if fitter.predictor.costly_slopes:
+        with JobQueue(executor or InlineExecutor(), fitter.stronger_end_from) as queue:
+            chosen = [one.unwrap() for one in queue.each([(c, _ends(c), nothing) for c in candidates])]
+        asked = [(c, end, nothing.parts) for c, end in zip(candidates, chosen, strict=True)]
+    else:
+        asked = [(c, end, nothing.parts) for c in candidates for end in _ends(c)]
     found: dict[str, Excitation] = {}
     with JobQueue(executor or InlineExecutor(), fitter.evaluate_from) as queue:
         for (candidate, end, _), one in zip(asked, queue.each(asked), strict=True):
@@ -130,7 +135,11 @@ def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
 
 def explained_by(residual: Array, shown: Excitation) -> float:
     """Return the sum of squares of a residual (N,) that an effect's change and slopes explain to first order."""
-    columns = np.column_stack([shown.change, shown.slopes])
+    return explained_by_columns(residual, np.column_stack([shown.change, shown.slopes]))
+
+
+def explained_by_columns(residual: Array, columns: Array) -> float:
+    """Return the sum of squares of a residual (N,) in the span of columns (N, k)."""
     there = np.isfinite(residual) & np.isfinite(columns).all(axis=1)
     left, sizes, _ = np.linalg.svd(columns[there], full_matrices=False)
     along = left[:, sizes > SMALLEST * sizes.max(initial=0.0)].T @ residual[there]

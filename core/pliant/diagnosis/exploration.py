@@ -35,6 +35,8 @@ from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.records.design import Array
 
 MOST_DRAWS, FEWEST_DRAWS = 128, 16
+# The most where a draw costs as much as a slope, unless there are many parameters.
+COSTLY_DRAWS = 48
 # Maximum number of predicted readings: fewer draws for long recordings.
 MOST_PREDICTED = 8_000_000
 # Draws are spread by this factor more than the approximation.
@@ -112,7 +114,11 @@ def explore(
         law: the law's own error as part of the fit.
     """
     wide = replace(posterior, covariance=WIDER**2 * posterior.covariance)
-    x = wide.draws(count or draws_for(parts * len(fitter.readings)), SEED)
+    most = draws_for(parts * len(fitter.readings))
+    if fitter.predictor.costly_slopes:  # twice what a second-degree polynomial has coefficients, at least
+        size = len(posterior.x)
+        most = min(most, max(COSTLY_DRAWS, (size + 1) * (size + 2)))
+    x = wide.draws(count or most, SEED)
     model, pack = fitter.predictor.refined(parts), fitter.readings.pack
     predicted = np.array([pack(model.evaluate(posterior.candidate.configs(point)).runs) for point in x])
     residual = fitter.readings.values - predicted

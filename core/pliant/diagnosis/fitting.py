@@ -58,6 +58,10 @@ NEAR_NOTHING = 0.05
 STEEPEST = 1e9
 # Share of the readings at which a trial may lose its equilibrium and still be compared.
 MOST_LOST = 0.02
+# A strength below this share of the largest plausible one is near neutral.
+NEAR_NEUTRAL = 0.2
+# Ends of fits whose slopes cost as much as predictions: gains that no evidence turns on.
+SPARING_STEPS = replace(STEPS, tries=4, least_gain=1e-4, least_promise=1e-5)
 
 
 def exclusion_reason(error: UserError) -> str:
@@ -137,6 +141,17 @@ class Fitter:
         self._check_code()
         return self.evaluate(*asked)
 
+    def residual_from(self, asked: tuple[EffectSet, Array, int]) -> Array:
+        """Return (N,) the residual of a candidate at x without slopes, in the same way; NaN without a state."""
+        self._check_code()
+        candidate, x, parts = asked
+        return self._misfit(candidate, parts, None).residual_at(x).residual
+
+    def stronger_end_from(self, asked: tuple[EffectSet, Sequence[Array], EffectFit]) -> Array:
+        """Call `stronger_end` with these arguments, in the same way."""
+        self._check_code()
+        return self.stronger_end(*asked)
+
     def promise_from(self, asked: tuple[EffectSet, Array, int]) -> float:
         """Call `promise` with these arguments, in the same way."""
         self._check_code()
@@ -145,8 +160,12 @@ class Fitter:
     def check_applicable(self, asked: tuple[EffectSet, Array]) -> str:
         """Return why a candidate is not applicable to this chain, in the plugin's words; empty if it is."""
         self._check_code()
+        candidate, x = asked
         try:
-            self.evaluate(*asked)
+            if self.predictor.costly_slopes:
+                self.predictor.check(candidate.configs(x))
+            else:
+                self.evaluate(candidate, x)
         except UserError as error:
             return exclusion_reason(error)
         return ""
@@ -251,6 +270,8 @@ class Fitter:
         if not len(candidate):
             return self.evaluate(candidate, np.zeros(0), parts, law)
         misfit = self._misfit(candidate, parts, law)
+        if self.predictor.costly_slopes:
+            tried = [self._most_promising(misfit, tried)]
         points = [self._start(misfit, x) for x in tried]
         if not any(np.isfinite(point.cost) for point in points):  # none that far out: begin near neutral
             points = [self._start(misfit, NEAR_NOTHING * x) for x in tried]
@@ -262,6 +283,31 @@ class Fitter:
         margin = 1e-6 * (1.0 + np.abs(point.x))
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
         return self._at(misfit, point, converged, at_limit, law)
+
+    def _most_promising(self, misfit: _ReadingMisfit, tried: Sequence[Array]) -> Array:
+        """Return the start with the lowest cost, without slopes.
+
+        The strength of an effect alone is scaled to what the change that it makes there would need, to first order: a
+        start far too strong says little of its shape.
+        """
+        candidate = misfit.candidate
+        strengths = np.array(
+            [one.is_strength and one.declared.prior == "normal" for one in candidate.parameters]
+        )
+        ends = candidate.limits()
+        plain = misfit.residual_at(np.where(strengths, 0.0, tried[0])).residual
+        points: list[Point] = []
+        for x in tried:
+            point = misfit.residual_at(x)
+            points.append(point)
+            change = plain - point.residual
+            if not np.isfinite(point.cost) or not np.isfinite(change).all() or not change.any():
+                continue
+            share = float(change @ plain) / float(change @ change)
+            scaled = np.clip(np.where(strengths, share * x, x), *ends)
+            if np.abs(scaled - x).max(initial=0.0) > STEP:
+                points.append(misfit.residual_at(scaled))
+        return min(points, key=lambda point: point.cost).x
 
     def evaluate(
         self, candidate: EffectSet, x: Array, parts: int = 1, law: LawError | None = None
@@ -286,6 +332,22 @@ class Fitter:
         step = np.clip(point.x + step, low, high) - point.x
         left = point.residual - point.slopes @ step
         return float(left @ left)
+
+    def stronger_end(self, candidate: EffectSet, ends: Sequence[Array], nothing: EffectFit) -> Array:
+        """Return the end (k,) of a plausible range at which the readings change most, without slopes.
+
+        An end that is near the neutral strength is not simulated.
+        """
+        strengths = np.abs(np.array(ends)[:, np.ptp(ends, axis=0) > 0.0]).max(axis=1, initial=0.0)
+        tried = [e for e, size in zip(ends, strengths, strict=True) if size >= NEAR_NEUTRAL * strengths.max()]
+        if len(tried) == 1:
+            return tried[0]
+        misfit = self._misfit(candidate, nothing.parts, None)
+        changes = [nothing.raw - misfit.residual_at(end).residual for end in tried]
+        sizes = [
+            float(np.nanmean(one**2)) if 2 * np.isfinite(one).sum() > len(one) else 0.0 for one in changes
+        ]
+        return tried[int(np.argmax(sizes))]
 
     def whitened(self, values: Array) -> Array:
         """Return (N,) or (N, k) of readings with the possible changes by a law error of the usual size removed."""
@@ -345,10 +407,12 @@ class Fitter:
     ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        steps = replace(STEPS, most=iterations)
+        steps = replace(SPARING_STEPS if self.predictor.costly_slopes else STEPS, most=iterations)
         found, converged = descend(
             misfit, point, steps, misfit.candidate.limits(), self.weights, misfit.pulls
         )
+        if found.slopes is None:  # too many readings without a slope
+            return misfit.point_with_slopes(found.x), False
         return cast(_LinearPoint, found), converged
 
 
@@ -382,9 +446,31 @@ class _ReadingMisfit:
         """Return (k,) weights of the prior: zero for strengths."""
         return np.array([0.0 if p.is_strength else p.pull for p in self.candidate.parameters])
 
-    def point(self, x: Array) -> _LinearPoint:
-        """Return residuals and slopes at x; an infinite cost where the model has no equilibrium."""
+    def point(self, x: Array) -> Point:
+        """Return residuals and slopes at x; an infinite cost where the model has no equilibrium.
+
+        Slopes that cost as much as predictions are left out: `slopes` finds them for points that are kept.
+        """
+        return (
+            self.residual_at(x) if self.fitter.predictor.costly_slopes else self.whitened(self.raw_point(x))
+        )
+
+    def point_with_slopes(self, x: Array) -> _LinearPoint:
+        """Return residuals and slopes at x."""
         return self.whitened(self.raw_point(x))
+
+    def residual_at(self, x: Array) -> Point:
+        """Return residuals at x without slopes; an infinite cost where the model has no equilibrium."""
+        readings = self.fitter.readings
+        predictor = self.fitter.predictor.refined(self.parts)
+        residual = readings.values - readings.pack(predictor.evaluate(self.candidate.configs(x)).runs)
+        lost = ~np.isfinite(residual)
+        if lost.mean() > MOST_LOST:
+            return Point(x, residual, np.inf)
+        residual = np.where(lost, 0.0, residual)
+        if self.whitener is not None:
+            residual = self.whitener.apply(residual)
+        return Point(x, residual, self._cost(x, residual))
 
     def whitened(self, point: _LinearPoint) -> _LinearPoint:
         """Return a point with the possible changes by the law's own error removed."""
@@ -417,5 +503,8 @@ class _ReadingMisfit:
         return _LinearPoint(x, residual, self._cost(x, residual), slopes)
 
     def slopes(self, point: Point) -> Array | None:
-        """Return the slopes of the point, which are known."""
-        return point.slopes
+        """Return the slopes of the point; None where too many readings have none."""
+        if point.slopes is not None:
+            return point.slopes
+        found = self.point_with_slopes(point.x)
+        return found.slopes if np.isfinite(found.cost) else None

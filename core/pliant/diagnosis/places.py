@@ -1,19 +1,38 @@
 """Effects at single places: whether one joint is meant or all alike is a question to the readings.
 
-The effects of a user's own model act at all places of their kind alike. Those among the leading ones are tried at each
-place alone, too, as hypotheses of their own: first to first order (Rao's score test, 1948), and the best are fitted.
+The effects of a user's own model act at all places of their kind alike. Those that could explain most are tried at each
+place alone, too, as hypotheses of their own: first to first order (Rao's score test, 1948), and the best are fitted. An
+effect at one place changes some outputs only, so that an effect at all places alike may fit badly although it is the
+right one: what a kind could explain is counted with a strength of its own for each output.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
+from pliant.diagnosis.candidates import START_SHARE, EffectSet
 from pliant.diagnosis.evidence_table import NOTHING, log_evidence
-from pliant.diagnosis.excitation import Excitation, applicable, excitations, explained_by
+from pliant.diagnosis.excitation import (
+    Excitation,
+    applicable,
+    excitations,
+    explained_by,
+    explained_by_columns,
+)
 from pliant.diagnosis.search import HypothesisSearch
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.execution.executors import Executor
+from pliant.execution.jobs import JobQueue
+from pliant.interfaces.effect import AT
 
-# Leading kinds whose places are tried, and how many kinds at single places are fitted.
-LEADING, MOST_FITTED = 4, 8
+# Kinds whose places are tried, by the evidence of all places alike and by what they could explain in each output.
+LEADING, EXPLAINING = 2, 4
+# How many kinds at single places are screened with slopes and fitted, and the share of the best gain that each needs.
+MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
+# The same share where the change at one strength alone is looked at.
+LEAST_ALONE = 0.05
 
 
 def kinds_at_places(
@@ -27,15 +46,46 @@ def kinds_at_places(
         executor: does the simulations.
     """
     evidence = log_evidence(search.table(), search.thresholds)
-    singles = sorted((k for k in search.fits if len(k) == 1), key=lambda key: -evidence[key])
-    asked: list[str] = []
-    for (kind,) in [key for key in singles if model.places_of_kind(key[0])][:LEADING]:
-        asked += model.places_of_kind(kind)
+    spread = {
+        key: places for key in search.fits if len(key) == 1 and (places := model.places_of_kind(key[0]))
+    }
+    by_evidence = sorted(spread, key=lambda key: -evidence[key])[:LEADING]
+    by_output = sorted(spread, key=lambda key: -_explained_by_output(search, key[0]))[:EXPLAINING]
+    asked = [kind for key in dict.fromkeys((*by_evidence, *by_output)) for kind in spread[key]]
     if not asked:
         return [], {}
     nothing = search.fits[NOTHING]
     kinds, _ = applicable(search.registry, search.fitter, asked, executor)
-    shown = excitations(search.registry, search.fitter, nothing, kinds, executor)
+    likely = _most_explaining(search, kinds, executor)
+    shown = excitations(search.registry, search.fitter, nothing, likely, executor)
     gains = {kind: explained_by(nothing.residual, one) for kind, one in shown.items()}
-    chosen = sorted(gains, key=lambda kind: -gains[kind])[:MOST_FITTED]
-    return chosen, {kind: shown[kind] for kind in chosen}
+    least = LEAST_SHARE * max(gains.values(), default=0.0)
+    chosen = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
+    return chosen[:MOST_FITTED], {kind: shown[kind] for kind in chosen[:MOST_FITTED]}
+
+
+def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: Executor) -> list[str]:
+    """Return the kinds at single places whose change at a usual strength is most like the residual."""
+    residual = search.fits[NOTHING].raw
+    asked = []
+    for kind in kinds:
+        alike, candidate = search.shown[kind.partition(AT)[0]], EffectSet.from_kinds(search.registry, (kind,))
+        x = alike.x.copy()
+        x[alike.place] *= START_SHARE
+        asked.append((candidate, x, search.fits[NOTHING].parts))
+    with JobQueue(executor, search.fitter.residual_from) as queue:
+        changes = [residual - one.unwrap() for one in queue.each(asked)]
+    gains = {kind: explained_by_columns(residual, c[:, None]) for kind, c in zip(kinds, changes, strict=True)}
+    least = LEAST_ALONE * max(gains.values(), default=0.0)
+    likely = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
+    return likely[:MOST_SCREENED]
+
+
+def _explained_by_output(search: HypothesisSearch, kind: str) -> float:
+    """Return the sum of squares that a kind explains to first order, with other strengths for each output."""
+    shown, fit, nothing = search.shown[kind], search.fits[(kind,)], search.fits[NOTHING]
+    columns = np.column_stack([shown.change, shown.slopes, nothing.raw - fit.raw, fit.slopes])
+    output = search.readings.output
+    return sum(
+        explained_by_columns(nothing.residual[output == k], columns[output == k]) for k in np.unique(output)
+    )

@@ -52,6 +52,8 @@ SCREENED = 10
 EXCHANGED = 3
 # The same without derivatives, where fits cost more; singles that are fitted to their end, and steps of the others.
 SCREENED_BY_DIFFERENCES, LIKELY, UNLIKELY_ITERATIONS = 4, 12, 2
+# The same where slopes cost as much as predictions.
+LIKELY_BY_COSTLY_SLOPES, UNLIKELY_ITERATIONS_BY_COSTLY_SLOPES = 6, 1
 # Number of leading singles that are tried with every other effect.
 PAIRED = 10
 # Number of leading sets of their size whose forms are varied.
@@ -108,7 +110,8 @@ class HypothesisSearch:
             residual = self.fits[NOTHING].residual
             gains = {kind: explained_by(residual, self.shown[kind]) for kind in kinds}
             ranked = sorted(gains, key=lambda kind: -gains[kind])
-            self._unlikely = {(kind,) for kind in ranked[LIKELY:]}
+            likely = LIKELY_BY_COSTLY_SLOPES if self.fitter.predictor.costly_slopes else LIKELY
+            self._unlikely = {(kind,) for kind in ranked[likely:]}
         self._fit([(kind,) for kind in kinds])
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
@@ -327,7 +330,10 @@ class HypothesisSearch:
     def _job(self, candidate: EffectSet, starts: list[Array]) -> Job:
         """Return the job of a candidate: larger sets start with few steps, and are refined later if they lead."""
         steps, large = self._steps(candidate.kinds), len(candidate.kinds) > 1
-        iterations = UNLIKELY_ITERATIONS if candidate.kinds in self._unlikely else None
+        few = UNLIKELY_ITERATIONS
+        if self.fitter.predictor.costly_slopes:
+            few = UNLIKELY_ITERATIONS_BY_COSTLY_SLOPES
+        iterations = few if candidate.kinds in self._unlikely else None
         return candidate, starts, min(steps, SCREENING_STEPS) if large else steps, not large, iterations
 
     def _keep(self, kinds: Kinds, fit: EffectFit, price: float) -> None:

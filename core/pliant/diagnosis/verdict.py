@@ -58,6 +58,8 @@ MOST_NAMED = 4
 MUCH_LEFT = 2.0
 # A class with more effects is not informative enough for a user.
 MOST_IN_CLASS = 4
+# An error that is lowered by less than to this share is not said to be lowered.
+LOWERED = 0.9
 
 Verdict = Literal[
     "missing_effect",
@@ -247,7 +249,7 @@ def _verdict(
         return "unknown_effect", (
             "It is significant, but no effect could remove more than that."
             if left.slight
-            else f"The error is {size}, and no listed effect, nor a few of them together, brings it down.",
+            else _unexplained(table, size),
         )
     if first == NOTHING:
         if table.law_is_off(NOTHING):
@@ -265,6 +267,20 @@ def _verdict(
     if not predicts_unseen(table, first):
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
     return "missing_effect", _other_form(table, first)
+
+
+def _unexplained(table: EvidenceTable, size: str) -> str:
+    """Return how far the listed effects lower an error that they do not explain."""
+    tried = [row for kinds, row in table.rows.items() if kinds and math.isfinite(row.heldout_square)]
+    best = min(tried, key=lambda row: row.heldout_square, default=table.nothing)
+    if best.heldout_square > LOWERED**2 * table.nothing.as_it_is:
+        return f"The error is {size}, and no listed effect, nor a few of them together, brings it down."
+    lowered = table.excess(best.heldout_square)
+    left = f"to {lowered} times the noise" if math.isfinite(lowered.ratio) else "by a part"
+    return (
+        f"The error is {size}. Of the listed effects and sets of them, {named(best.kinds)} lowers it most, {left} on "
+        "runs left out; none explains all of it."
+    )
 
 
 def _other_form(table: EvidenceTable, kinds: Kinds) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from pliant.errors import UserError
+from pliant.errors import NotReachedError, UserError
 from pliant.evidence.measured_model import (
     MeasuredModel,
     Prediction,
@@ -26,8 +26,10 @@ from pliant.evidence.measured_model import (
     differences,
     failed_samples,
 )
+from pliant.evidence.simulations import Simulations
 from pliant.interfaces.effect import AT, Effect, EffectConfig
 from pliant.interfaces.model import Channel, Drive, SystemModel, SystemParts
+from pliant.measurements.floors import noise_floors
 from pliant.measurements.system_reading import largest_magnitudes
 from pliant.pipeline.workbench import RunContext
 from pliant.records.history import History
@@ -39,6 +41,14 @@ MOST_PLACES = 40
 FACTORS = (1.0, 10.0, 100.0)
 # Places of effects outside the system.
 SIGNALS = ("input", "output")
+# Effects whose places are numbers of a model.
+OWN_NUMBERS = ("parameter", "state")
+# Samples at least in which steps of differences are chosen.
+FEWEST_STEPPED = 3
+# Change of an output with half the time step, over the noise, from which it is said.
+COARSE = 0.5
+# Share of the longest run in which steps of differences are chosen.
+STEPPED = 0.4
 
 
 class DrivenModel(MeasuredModel):
@@ -57,6 +67,7 @@ class DrivenModel(MeasuredModel):
         self._magnitudes = largest_magnitudes(measurement)
         self._factors: dict[tuple[str, str], float] = {}
         self._lock = Lock()
+        self._recent = Simulations()
         self._firsts = tuple(map(_first_readings, measurement.runs))
         self._base = self._changed(self._parts(), self.effects)
         self._set_outputs()
@@ -78,11 +89,11 @@ class DrivenModel(MeasuredModel):
         self.missing = tuple(name for name in measured if name not in has)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for copies and workers, without the lock."""
-        return {**vars(self), "_lock": None}
+        """Return the state for copies and workers, without the lock and what was simulated."""
+        return {**vars(self), "_lock": None, "_recent": None}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        vars(self).update(state, _lock=Lock())
+        vars(self).update(state, _lock=Lock(), _recent=Simulations())
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
@@ -105,6 +116,11 @@ class DrivenModel(MeasuredModel):
         return self.system.threads
 
     @property
+    def costly_slopes(self) -> bool:
+        """Return that slopes are differences of simulations, unless the system has its own."""
+        return True
+
+    @property
     def modules(self) -> tuple[str, ...]:
         """Return the module of the system."""
         return (type(self.system).__module__,)
@@ -112,7 +128,35 @@ class DrivenModel(MeasuredModel):
     @property
     def remarks(self) -> list[str]:
         """Return sentences on outputs that the model lacks, and the system's own on these runs."""
-        return [*super().remarks, *self.system.remarks(self._drives(self._base, None))]
+        drives = self._drives(self._base, None)
+        return [*super().remarks, *self.system.remarks(drives), *self._coarse_steps(drives)]
+
+    def _coarse_steps(self, drives: Sequence[Drive]) -> list[str]:
+        """Return a remark if the model's own time step changes an output of the fastest run beyond the noise."""
+        if not drives:
+            return []
+        fastest = max(drives, key=self._pace)
+        floors = noise_floors(self.measurement)
+        errors = self.system.step_error([fastest])
+        shares = {
+            name: errors[name] / floors[name].value
+            for name in self.outputs
+            if name in errors and floors[name].value > 0.0
+        }
+        worst = max(shares, key=lambda name: shares[name], default="")
+        if not worst or shares[worst] < COARSE:
+            return []
+        return [
+            f"In run '{fastest.history.run}', half the model's time step changes {worst} by {shares[worst]:.1f} times "
+            "its noise: choose a smaller step in the model's file, or an effect may stand for the integration's error."
+        ]
+
+    def _pace(self, drive: Drive) -> float:
+        """Return the way that the inputs of a run go per second, in their largest magnitudes."""
+        time_s = drive.history.time_s
+        seconds = 1.0 if time_s is None else max(float(time_s[-1] - time_s[0]), 1e-9)
+        ways = {name: float(np.abs(np.diff(v)).sum()) for name, v in drive.history.actuation.items()}
+        return sum(way / (self._magnitudes.get(name) or 1.0) for name, way in ways.items()) / seconds
 
     @property
     def unchanged(self) -> SystemParts:
@@ -164,6 +208,16 @@ class DrivenModel(MeasuredModel):
         other._firsts = tuple(usual for _ in measurement.runs)
         return other
 
+    def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
+        """Return the predicted outputs of each run; raise `UserError` if none is finite."""
+        try:
+            return super().predict(effects)
+        except NotReachedError as error:
+            raise UserError(
+                f"model '{self.system.config.kind}': {error}. Simulate one run with the model alone and look at its "
+                "first readings."
+            ) from None
+
     def evaluate(
         self, effects: Sequence[EffectConfig] = (), histories: Sequence[History] | None = None
     ) -> Prediction:
@@ -171,8 +225,13 @@ class DrivenModel(MeasuredModel):
         self.heed()
         parts = self._changed(self._base, effects)
         drives = self._drives(parts, histories)
-        runs = self._read(parts, drives, self.system.simulate(parts, drives))
+        runs = self._read(parts, drives, self._recent.simulated(self.system, parts, drives))
         return Prediction(runs, failed_samples(runs))
+
+    def check(self, effects: Sequence[EffectConfig]) -> None:
+        """Raise `UserError` for effects that this system refuses in the shortest run."""
+        shortest = min(self.measurement.runs, key=len)
+        self.for_runs(replace(self.measurement, runs=(shortest,))).evaluate(effects)
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
@@ -223,21 +282,37 @@ class DrivenModel(MeasuredModel):
         self, base: Prediction, effects: Sequence[EffectConfig], towards: Sequence[EffectConfig]
     ) -> tuple[RunReadings, ...]:
         """Return the change of the readings, from a difference over a step with a small error."""
-        key, steps = _steps(effects, towards)
+        (kind, name), steps = _steps(effects, towards)
+        # places of one kind share a step; of a model's own numbers each has another size
+        key = (kind if kind.partition(AT)[0] in OWN_NUMBERS else kind.partition(AT)[0], name)
         with self._lock:
             known = self._factors.get(key)
         if known is not None:
             moved = steps.get(known, steps[1.0])
             factor = known if known in steps else 1.0
             return _scaled(differences(base.runs, self.evaluate(moved).runs), 1.0 / factor)
-        found = {
-            factor: _scaled(differences(base.runs, self.evaluate(moved).runs), 1.0 / factor)
-            for factor, moved in steps.items()
-        }
-        best = _best_factor(found)
+        best = self._short_run()._best_step(effects, steps)
         with self._lock:
             self._factors[key] = best
-        return found[best]
+        return _scaled(differences(base.runs, self.evaluate(steps[best]).runs), 1.0 / best)
+
+    def _short_run(self) -> Self:
+        """Return the same system, driven by the beginning of the longest run alone."""
+        longest = max(self.measurement.runs, key=len)
+        begin = longest.at(np.arange(max(int(STEPPED * len(longest)), min(FEWEST_STEPPED, len(longest)))))
+        return self.for_runs(replace(self.measurement, runs=(begin,)))
+
+    def _best_step(
+        self, effects: Sequence[EffectConfig], steps: Mapping[float, Sequence[EffectConfig]]
+    ) -> float:
+        """Return the multiple of the change whose difference has the smallest error."""
+        base = self.evaluate(effects).runs
+        return _best_factor(
+            {
+                factor: _scaled(differences(base, self.evaluate(moved).runs), 1.0 / factor)
+                for factor, moved in steps.items()
+            }
+        )
 
     def _changed(self, parts: SystemParts, effects: Sequence[EffectConfig]) -> SystemParts:
         for config in effects:

@@ -75,6 +75,11 @@ class MeasuredModel(ABC):
         return False
 
     @property
+    def costly_slopes(self) -> bool:
+        """Return whether every slope costs a prediction of its own, so that a search asks for few of them."""
+        return False
+
+    @property
     def modules(self) -> tuple[str, ...]:
         """Return the modules whose code determines a prediction, besides Pliant's."""
         return ()
@@ -170,6 +175,10 @@ class MeasuredModel(ABC):
         """Return the prediction, and its first-order changes under small changes of the effects' parameters."""
         base = self.evaluate(effects)
         return base, tuple(differences(base.runs, self.evaluate(other).runs) for other in towards)
+
+    def check(self, effects: Sequence[EffectConfig]) -> None:
+        """Raise `UserError` for effects that this model refuses."""
+        self.evaluate(effects)
 
 
 def differences(base: Sequence[RunReadings], there: Sequence[RunReadings]) -> tuple[RunReadings, ...]:

@@ -197,6 +197,10 @@ class SystemModel(Configured[ModelConfig]):
         """Return sentences on these runs that limit a comparison, such as contacts that chatter."""
         return ()
 
+    def step_error(self, drives: Sequence[Drive]) -> Mapping[str, float]:
+        """Return the RMS change of each output, SI, if the integration took half its step; {} where that is unknown."""
+        return {}
+
     def export(self, improved: Improved, target: Path) -> Exported:
         """Write the model with its effects as files of its own kind; check files have the names `FILE.check.json`.
 

@@ -9,7 +9,10 @@ from typing import Any
 from pliant.errors import UserError
 from pliant.measurements.block import asked
 from pliant.measurements.files import read_measurements
+from pliant.measurements.header import HalfError
 from pliant.records.measurement import Measurement
+
+OWN_MODEL = "A recording for a model of your own has the columns of its study: pliant import {file} --study STUDY.yaml"
 
 
 def read_recording(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, dict[str, Any]]:
@@ -28,4 +31,7 @@ def read_recording(files: Any, notes: Mapping[str, Any]) -> tuple[Measurement, d
     try:
         return read_measurements(files, notes), block
     except UserError as error:
-        raise asked(error, block) from None
+        found = asked(error, block)
+        if isinstance(error, HalfError) and error.lacks == "inputs":
+            found = UserError(f"{found}\n{OWN_MODEL.format(file=named[0] if named else 'FILE')}")
+        raise found from None

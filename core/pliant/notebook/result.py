@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -40,6 +41,7 @@ class Result(Generic[Record]):
     Attributes:
         record: the data.
         plot: name of the page's picture that `plot` draws, and number of its panel; by default the first picture.
+        still: returns a picture of a user's own model as PNG bytes for notebooks; None without one.
     """
 
     def __init__(
@@ -48,9 +50,11 @@ class Result(Generic[Record]):
         document: Callable[[], Document],
         plot: tuple[str, int] = ("", 0),
         frame: Callable[[Record], dict[str, Any]] | None = None,
+        still: Callable[[], bytes | None] | None = None,
     ) -> None:
         self.record = record
         self._write_document, self._plot, self._frame = document, plot, frame
+        self._still = still
 
     @cached_property
     def document(self) -> Document:
@@ -73,7 +77,11 @@ class Result(Generic[Record]):
         return self.document.sentence
 
     def _repr_html_(self) -> str:
-        return fragment(self.document)
+        seen = self._still() if self._still is not None else None
+        if seen is None:
+            return fragment(self.document)
+        code = base64.b64encode(seen).decode("ascii")
+        return f'{fragment(self.document)}<img alt="the model" src="data:image/png;base64,{code}">'
 
     @property
     def json(self) -> dict[str, Any]:

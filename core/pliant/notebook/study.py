@@ -30,7 +30,7 @@ from pliant.registry.data_kind import open_data
 from pliant.registry.discovery import discover
 from pliant.registry.function import package_function
 from pliant.report.comparison import comparison_document
-from pliant.report.diagnosis import diagnosis_document
+from pliant.report.diagnosis import diagnosis_document, leading
 from pliant.report.document import Document
 from pliant.report.extension import cited, extension_document
 from pliant.report.extension import origin as extension_origin
@@ -40,6 +40,7 @@ from pliant.report.improvement import improvement_document, stands_for
 from pliant.report.improvement import origin as improvement_origin
 from pliant.report.plan import design_document, plan_document
 from pliant.report.run import simulation_document
+from pliant.report.system_picture import system_still
 from pliant.store.store import write_atomically
 
 Data = Any  # a path, several, a pandas frame, or a result of `read`
@@ -225,6 +226,7 @@ class StudyHandle:
             document,
             ("runs", 0),
             lambda _: frames.residuals(model.measurement, predicted),
+            lambda: system_still(model, [effect.kind for effect in self.config.effects]),
         )
 
     def diagnose(
@@ -244,7 +246,10 @@ class StudyHandle:
             with displayed_in(units_as_written(measurement)):
                 return diagnosis_document(self.name, measurement, found, registry, asked=effects or ())
 
-        return Result(found, document, ("hypotheses", 0), frames.hypotheses)
+        def still() -> bytes | None:
+            return system_still(api.predictor(self.opened, measurement), leading(found))
+
+        return Result(found, document, ("hypotheses", 0), frames.hypotheses, still)
 
     def plan(
         self,
@@ -351,7 +356,12 @@ class StudyHandle:
             notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
             note = improvement_origin(found, cited(measurement))
             self._write(Path(out), found.final, files, note, notes, found.learned)
-        return Result(found, document, ("steps", 0), frames.steps)
+
+        def still() -> bytes | None:
+            kinds = [effect.kind for effect in found.steps[-1].effects]
+            return system_still(api.predictor(self.opened, measurement), kinds)
+
+        return Result(found, document, ("steps", 0), frames.steps, still)
 
     def _write(
         self,

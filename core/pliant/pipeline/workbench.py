@@ -61,6 +61,23 @@ class RunContext:
         """Return the built plugin of a config."""
         return self.registry.build(interface, config)
 
+    def recipe(
+        self,
+        stage: str,
+        *,
+        components: Sequence[Component],
+        modules: Sequence[str],
+        config: Mapping[str, Any],
+        inputs: Mapping[str, str],
+    ) -> Recipe:
+        """Return what identifies the result of a stage; arguments as for `make`."""
+        places = [place for c in components for place in (c.config, c.implementation)]
+        packages = {c.implementation.partition(".")[0] for c in self.registry.components}
+        code = code_fingerprint([*modules, *(place.partition(":")[0] for place in places)], packages)
+        libraries = versions([module for c in components for module in (*c.requires, *c.lazy)])
+        plugins = [{"interface": c.interface, "kind": c.kind, "package": c.package} for c in components]
+        return Recipe(stage, config, inputs, code, libraries, plugins)
+
     def make(
         self,
         stage: str,
@@ -83,10 +100,5 @@ class RunContext:
             inputs: name → key of the artifacts it is made from.
             agrees: see `ArtifactStore.make`.
         """
-        places = [place for c in components for place in (c.config, c.implementation)]
-        packages = {c.implementation.partition(".")[0] for c in self.registry.components}
-        code = code_fingerprint([*modules, *(place.partition(":")[0] for place in places)], packages)
-        libraries = versions([module for c in components for module in (*c.requires, *c.lazy)])
-        plugins = [{"interface": c.interface, "kind": c.kind, "package": c.package} for c in components]
-        recipe = Recipe(stage, config, inputs, code, libraries, plugins)
+        recipe = self.recipe(stage, components=components, modules=modules, config=config, inputs=inputs)
         return self.store.make(recipe, compute, self.progress.note, agrees)

@@ -13,6 +13,7 @@ ENTRIES = {
     "pliant_learned": (),
     "pliant_mjcf": ("model mjcf",),
     "pliant_ppo": ("optimizer ppo",),
+    "pliant_print": ("printer", "solid", "mould"),
     "pliant_search": ("optimize", "search", "optimizer"),
     "pliant_systems": ("model python",),
     "pliant_view": ("render", "view"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,24 +70,32 @@ class Question:
 
     def find(self, compute: Callable[[], Any]) -> Artifact:
         """Return the answer from the store, or compute it and keep it."""
+        stage, parts = self._parts()
+        return self.context.make(stage, lambda partial: compute(), **parts)
+
+    def known(self) -> Artifact | None:
+        """Return the answer if it is in the store."""
+        stage, parts = self._parts()
+        return self.context.store.find(self.context.recipe(stage, **parts))
+
+    def _parts(self) -> tuple[str, dict[str, Any]]:
+        """Return the stage, and what its result depends on."""
         context = self.context
         components = [
             c for c in context.registry.components if c.interface == "effect" and c.missing() is None
         ]
         shipped = [c for c in components if not c.implementation.startswith(FILE_MODULE)]
         source, numbers = _model_identity(context, self.study)
-        return context.make(
-            self.modules[0].rpartition(".")[2],
-            lambda partial: compute(),
-            components=[source, *shipped],
-            modules=[
+        return self.modules[0].rpartition(".")[2], {
+            "components": [source, *shipped],
+            "modules": [
                 *self.modules,
                 *(model.module for model in residual_models().values()),
                 __name__,
                 "pliant.report.render",
                 "pliant.formatting",
             ],
-            config={
+            "config": {
                 "study": content(self.study),
                 "options": dict(self.options),
                 "chain": numbers,
@@ -96,8 +104,8 @@ class Question:
                 "files": [digest(Path(file)) for file in effect_files(context.registry)],
                 "libraries": {"pliant": __version__, **versions(LIBRARIES)},
             },
-            inputs={},
-        )
+            "inputs": {},
+        }
 
 
 def stored_answer(
@@ -106,10 +114,12 @@ def stored_answer(
     """Return the document that answers a question, from the store if it is cached.
 
     Args:
-        question: the question; its options include `draw`.
+        question: the question, whatever is drawn.
         compute: returns the document, and the texts of accompanying files by name.
-        draw: whether the page is rendered; empty otherwise.
+        draw: whether the page is rendered; empty otherwise. A cached answer with a page serves both.
     """
+    drawn = replace(question, options={**question.options, "page": True})
+    question = drawn if draw else replace(question, options={**question.options, "page": False})
 
     def work() -> dict[str, Any]:
         document, files = compute()
@@ -117,7 +127,7 @@ def stored_answer(
         pictures = dict(made.pictures)
         return {"document": _tree(document), "html": made.html, "pictures": pictures, "files": dict(files)}
 
-    artifact = question.find(work)
+    artifact = (None if draw else drawn.known()) or question.find(work)
     value = artifact.value
     made = Page(value["html"], value["pictures"])
     return StoredAnswer(_document(value["document"]), made, value["files"], artifact.cached)

@@ -62,6 +62,16 @@ def with_system(document: Document, model: MeasuredModel, kinds: Sequence[str]) 
     return replace(document, draw=drawn)
 
 
+def system_still(model: MeasuredModel, kinds: Sequence[str]) -> bytes | None:
+    """Return the picture of the model with the places of these kinds as PNG bytes; None of a chain, or without one."""
+    if not isinstance(model, DrivenModel):
+        return None
+    section = _section(model, _acting(model, kinds))
+    if section is None or not section.pictures:
+        return None
+    return bytes(section.pictures[0].png)
+
+
 def _acting(model: DrivenModel, kinds: Sequence[str]) -> list[Acting]:
     """Return the places of each effect; effects of which nothing is known are left out."""
     found = []

@@ -17,6 +17,7 @@ from pliant.errors import UserError
 from pliant.formatting import listed
 from pliant.interfaces.model import Drive, Exported, Improved
 from pliant.records.design import Array
+from pliant_mjcf.export.comments import placed_comments, read_comments
 from pliant_mjcf.export.mjcf_text import carry_files, element_words, mjcf_text, with_comments
 from pliant_mjcf.export.module_text import module_text
 from pliant_mjcf.export.native_inputs import FILTERS
@@ -76,7 +77,9 @@ def _write(
         for words, place in zip(improved.provenance, written.places, strict=True)
         for key in place.elements
     ]
-    text = with_comments(mjcf_text(written.spec), head, notes)
+    plain = mjcf_text(written.spec)
+    top, kept = placed_comments(read_comments(system.config.file), plain)
+    text = with_comments(plain, [*head, *top], [*kept, *notes])
     target.write_text(text, encoding="utf-8")
     model = mujoco.MjModel.from_xml_path(str(target))
     script, check = target.with_suffix(".py"), target.with_suffix(".check.json")

@@ -35,7 +35,7 @@ def mjcf_text(spec: Any) -> str:
 def changed_elements(before: str, after: str) -> list[Key]:
     """Return the elements of the second text that the first does not have, or has with other attributes."""
     old, new = before.splitlines(), after.splitlines()
-    keys = _keys(new)
+    keys = element_keys(new)
     matcher = SequenceMatcher(
         a=[line.strip() for line in old], b=[line.strip() for line in new], autojunk=False
     )
@@ -49,7 +49,7 @@ def with_comments(text: str, head: Sequence[str], notes: Sequence[tuple[Key, str
     """Return the text with comments at the top, and above the elements of these keys."""
     lines = text.splitlines()
     above: dict[int, list[str]] = {}
-    keys = _keys(lines)
+    keys = element_keys(lines)
     for key, words in notes:
         if key in keys:
             above.setdefault(keys.index(key), []).append(words)
@@ -131,8 +131,8 @@ def _shortest(value: str) -> str:
     return " ".join(repr(one).removesuffix(".0") for one in numbers)
 
 
-def _keys(lines: Sequence[str]) -> list[Key]:
-    """Return the key of the element that begins in each line; empty for other lines."""
+def element_keys(lines: Sequence[str]) -> list[Key]:
+    """Return the key of the element that begins in each line of a written MJCF; empty for other lines."""
     found: list[Key] = []
     open_tags: list[str] = []
     for line in lines:

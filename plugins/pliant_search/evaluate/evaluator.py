@@ -24,6 +24,7 @@ from pliant.pipeline.workbench import RunContext
 from pliant.records.rollout import TaskResult
 from pliant_search.evaluate.fast_path import FastPath, Timer, untimed
 from pliant_search.evaluate.scenarios import Scenario, draw_scenarios, measure
+from pliant_search.evaluate.solid_metrics import solid_metrics
 from pliant_search.optimizer import FAILED, NOT_A_NUMBER, OK, REFUSED, State, Trial, Value
 from pliant_search.problem.search_problem import SearchProblem, reevaluation_problem
 from pliant_search.problem.study_setter import StudySetter
@@ -190,11 +191,12 @@ class Evaluator:
             raise _EndedError(FAILED, f"{label}: {error}") from None
 
     def _metrics(self, study: Study, scenario: Scenario | None, label: str) -> Mapping[str, Any]:
-        """Return the task's metrics; `label` names condition and scenario in the cause of a failure."""
+        """Return the metrics of task and solid; `label` names condition and scenario in the cause of a failure."""
         at = f"{label}: " if label else ""
         self._simulations += 1
         try:
             result = self.path.result(study, scenario.law if scenario else None)
+            solid = {} if scenario else solid_metrics(self.context, self.problem, study)
         except MissingDependencyError:
             raise
         except (UserError, NotReachedError) as error:
@@ -209,7 +211,7 @@ class Evaluator:
             raise _EndedError(FAILED, at + result.not_reached)
         if not result.final.converged:
             raise _EndedError(FAILED, f"{at}the chain did not settle (residual {result.final.residual:.2g}).")
-        return measured(result)
+        return {**solid, **measured(result)}
 
     def _objectives(
         self, values: Mapping[str, Value], metrics: Mapping[str, Any], label: str

@@ -333,6 +333,12 @@ class SearchProblem:
                     f"the search's '{text}' names '{name}', which the task gives, but not as a number.{there}"
                 )
 
+    def names_metric(self, name: str) -> bool:
+        """Return whether a formula names this metric, with or without its unit."""
+        until = [self.until] if self.until is not None else []
+        named = _named_metrics((*self.objectives, *self.constraints, *until))
+        return any(strip_unit_suffix(one) == name for one, _ in named)
+
     def objective_values(self, values: Mapping[str, Value], metrics: Mapping[str, Any]) -> tuple[float, ...]:
         """Return the objectives as minimised, a maximised objective negated; NaN if one is not a number."""
         known = self._known(values, metrics, self.objectives)

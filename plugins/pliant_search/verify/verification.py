@@ -26,6 +26,7 @@ from pliant.units import strip_unit_suffix
 from pliant_designs.solved_designs import scored_states
 from pliant_search.config import SearchConfig
 from pliant_search.evaluate.evaluator import measured, numbers, shared_means
+from pliant_search.evaluate.solid_metrics import solid_metrics
 from pliant_search.problem.search_problem import SearchProblem
 from pliant_search.problem.study_setter import changed
 from pliant_search.records import FoundDesign, Verification
@@ -56,7 +57,7 @@ def verify(context: RunContext, problem: SearchProblem, best: FoundDesign) -> Ve
     """
     started, notes = time.perf_counter(), list[str]()
     cases = verification_cases(context, problem, best)
-    predicted = _simulated(context, cases, "with the laws of the search", notes)
+    predicted = _simulated(context, problem, cases, "with the laws of the search", notes)
     verified: dict[str, dict[str, Numbers]] = {}
     laws: tuple[Mapping[str, Any], ...] = ()
     fem_wall_s = 0.0
@@ -72,7 +73,7 @@ def verify(context: RunContext, problem: SearchProblem, best: FoundDesign) -> Ve
         except PliantError as error:
             notes.append(f"Direct FEM of the design failed: {error}")
         else:
-            verified = _simulated(context, direct, "with laws from direct FEM", notes)
+            verified = _simulated(context, problem, direct, "with laws from direct FEM", notes)
 
     def means(engines: Mapping[str, Mapping[str, Numbers]]) -> dict[str, Numbers]:
         whole = {
@@ -112,7 +113,7 @@ def verification_cases(context: RunContext, problem: SearchProblem, best: FoundD
 
 
 def _simulated(
-    context: RunContext, cases: Sequence[Case], what: str, notes: list[str]
+    context: RunContext, problem: SearchProblem, cases: Sequence[Case], what: str, notes: list[str]
 ) -> dict[str, dict[str, Numbers]]:
     """Return engine → condition → metrics; an engine that fails adds a note instead."""
     engines = check_engines(context, cases[0][1])
@@ -125,6 +126,7 @@ def _simulated(
                 bar.describe(place)
                 try:
                     result = run_in(context, study, engine)
+                    solid = solid_metrics(context, problem, study)
                 except Exception as error:  # keep the other engines' results
                     if interrupted(error):
                         raise KeyboardInterrupt from None
@@ -132,7 +134,9 @@ def _simulated(
                     notes.append(f"{place}: {name}{error}")
                 else:
                     own = {"trials": float(trials)} if trials is not None else {}
-                    found.setdefault(engine.kind, {})[condition] = numbers(measured(result)) | own
+                    found.setdefault(engine.kind, {})[condition] = (
+                        numbers({**solid, **measured(result)}) | own
+                    )
                     if result.not_reached or not result.final.converged:
                         notes.append(f"{place}: {result.not_reached or 'the chain did not settle.'}")
                 bar.advance()

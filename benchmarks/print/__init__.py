@@ -1,0 +1,1 @@
+"""Figures of printed solids and moulds."""
