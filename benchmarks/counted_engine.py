@@ -12,8 +12,9 @@ from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
-from pliant_plugins.physics.quasistatic.backend import Quasistatic, QuasistaticSimulation
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.physics.quasistatic.simulation import QuasistaticSimulation
 
 CONTRACT = 3
 DELAY_S = 0.02  # of a candidate, so that kills meet evaluations

@@ -14,8 +14,9 @@ from pliant.records.design import Array
 from pliant.records.law import Domain
 from pliant.records.rollout import Cord, Equilibrium, Inputs, PointForce
 from pliant_plugins.physics.compiled import equilibrium
-from pliant_plugins.physics.quasistatic.backend import Quasistatic, QuasistaticSimulation
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.physics.quasistatic.simulation import QuasistaticSimulation
 
 CONFIG = QuasistaticConfig()
 BACKEND = Quasistatic(CONFIG)

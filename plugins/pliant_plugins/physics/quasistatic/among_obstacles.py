@@ -19,8 +19,8 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain
 from pliant.records.scene import Contact, Part, Scene, SceneState
-from pliant_plugins.physics.quasistatic.backend import QuasistaticSimulation
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.physics.quasistatic.simulation import QuasistaticSimulation
 
 # Of one axis point (`contact_statics.POINTS` per capsule): 0.1 N presses a single point 5 µm deep.
 CONTACT_N_M = 2e4
