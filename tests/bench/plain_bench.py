@@ -16,6 +16,7 @@ from pliant_bench.bench import (
     BenchSample,
     ChannelCheck,
     ChannelLimits,
+    ConnectionLostError,
     RunStoppedError,
     Watch,
 )
@@ -58,7 +59,8 @@ class PlainBench(Bench):
                 n = k + 1
                 watch(BenchSample(k, time_s, time_s, protocol.commands_at(k), {"angle_rad": float(angle[k])}))
         except RunStoppedError as error:
-            ending, reason = "stopped", str(error)
+            ending = "lost" if isinstance(error, ConnectionLostError) else "stopped"
+            reason = str(error)
         finally:
             self.vented.append(protocol.name)
         times = protocol.time_s[:n]

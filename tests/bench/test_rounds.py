@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.bench.joint_study import write_study
+from tests.bench.plain_bench import PlainBench
 
 from pliant import api
-from pliant_bench.bench import BenchSample
+from pliant_bench.bench import BenchSample, ConnectionLostError
 from pliant_bench.choose import SearchEffort
+from pliant_bench.loop.decision import Ended
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
@@ -140,3 +142,28 @@ def test_a_sample_is_on_disk_before_it_is_looked_at(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         loop(folder.path, path, Looking())
     assert all(seen)
+
+
+def test_a_lost_bench_ends_the_experiment_and_the_same_command_goes_on(tmp_path: Path) -> None:
+    path = write_studies(tmp_path)
+    opened = api.open_study(path, store=tmp_path / "store")
+    settings = opened.study.experiment
+
+    def lose(index: int) -> None:
+        if index == 20:
+            raise ConnectionLostError("The cable is out.")
+
+    def done(before: Callable[[int], None]) -> tuple[Ended, ExperimentFolder]:
+        bench = PlainBench(before=before)
+        folder = ExperimentFolder(tmp_path / "experiment")
+        planner = TellingPlanner(opened, settings, bench, QUICK)
+        inputs = model_inputs(opened)
+        return run_rounds(
+            Experiment(opened, settings, bench, folder, inputs, KINDS, planner, Nobody())
+        ), folder
+
+    end, folder = done(lose)
+    assert end.why == "bench" and "The cable is out." in end.sentence
+    assert [(one.read("recording") or {})["samples"] for one in folder.rounds()] == [20]
+    end, folder = done(lambda index: None)
+    assert end.why != "bench" and len(folder.rounds()) > 3

@@ -227,9 +227,11 @@ def _measurement(experiment: Experiment) -> Measurement:
 
 
 def _stopped(recordings: Sequence[BenchRecording]) -> Ended | None:
-    """Return the end after the stop button, or after several runs that were stopped one after the other."""
+    """Return the end after the stop button, a lost connection, or several runs that were stopped in a row."""
     if recordings[-1].reason == STOP_BUTTON:
         return Ended("stopped", STOP_BUTTON)
+    if recordings[-1].ending == "lost":
+        return Ended("bench", f"{recordings[-1].reason} The same command goes on once the bench answers.")
     last = recordings[-MOST_STOPPED:]
     if len(last) == MOST_STOPPED and all(one.ending != "complete" for one in last):
         return Ended("bench", f"{MOST_STOPPED} runs were stopped one after the other: {last[-1].reason}")
