@@ -26,7 +26,7 @@ from pliant_print.checks import check_surface
 from pliant_print.closing import tip_cap_m
 from pliant_print.config import MouldConfig
 from pliant_print.mould import Mould, mould
-from pliant_print.solids import PrintedSolid, chain_of, printed_chain
+from pliant_print.solids import PrintedSolid, chain_with_settings, printed_chain
 
 MODULES = 2
 MESH_FILE = "mesh_file"
@@ -53,7 +53,7 @@ def case(name: str, folder: Path, modules: int = MODULES) -> Case:
     begun = time.process_time()
     printed = printed_chain(one.context, one.study)
     middle = time.process_time()
-    chain, walls, closing, _ = chain_of(one.context, one.study)
+    chain, walls, closing, _ = chain_with_settings(one.context, one.study)
     cap_m = tip_cap_m(chain, closing, min(wall.thickness_m for wall in walls.values()))
     made = mould(chain, MouldConfig(), closing, cap_m)
     return Case(name, printed, made, middle - begun, time.process_time() - middle)

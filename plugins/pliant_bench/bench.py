@@ -104,7 +104,7 @@ class BenchProtocol:
 
 @dataclass(frozen=True, eq=False)
 class BenchSample:
-    """One instant of a run as it was performed.
+    """One performed instant of a run.
 
     Attributes:
         index: of the instant in the protocol.
@@ -125,7 +125,7 @@ class BenchSample:
 
 @dataclass(frozen=True, eq=False)
 class BenchRecording:
-    """A run as it was performed and read.
+    """A performed run with its readings.
 
     Attributes:
         protocol: what was asked for.

@@ -72,7 +72,7 @@ def choose_next(
         settings: the block `experiment`.
         done: protocols of the runs so far; the conditions of the last one are the present setting.
         channels: inputs of the bench; without them those of the study.
-        minutes_left: bench time that is left.
+        minutes_left: remaining bench time.
         effort: how many runs are predicted.
     """
     space = ProtocolSpace.from_settings(settings, channels)

@@ -1,4 +1,4 @@
-"""`pliant experiment`: plan, run, record and diagnose until a cause is named or nothing more can be told."""
+"""`pliant experiment`: plan, run, record and diagnose until a cause is named or no run gives further information."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _person(session: Session, bench: Bench, settings: ExperimentConfig, yes: boo
 
 
 def _asked(settings: ExperimentConfig, bench: Bench, person: Person | None) -> ExperimentConfig:
-    """Return the settings without what only a person can set, where hardware has nobody beside it."""
+    """Return the settings without what only a person can set, for hardware without an operator."""
     if person is not None or not bench.is_hardware:
         return settings
     standing = {name: levels[:1] for name, levels in settings.manual.items()}
@@ -175,7 +175,7 @@ def _improve(
     kinds: list[str],
     who: Workers,
 ) -> str | None:
-    """Write the improved study beside the report; return its file, or None if no step is justified."""
+    """Write the improved study into the folder of the report; return its file, or None if no step is justified."""
     data = folder.recordings()
     measurement = api.read_measurement(opened, data)
     steps = api.improve(opened, measurement, kinds=kinds, workers=who)

@@ -23,7 +23,7 @@ from pliant_bench.conformance_runs import (
     SHARE,
     performed,
     require_rest,
-    rounding_of,
+    rounding_error,
     small_run,
     with_bench,
 )
@@ -33,7 +33,7 @@ STOP_AT = 10  # the sample at which a run is stopped
 
 
 def channels_are_named_and_limited(subject: Subject) -> None:
-    """inputs and outputs have names of their own; each input has a range that contains its rest, finite on hardware."""
+    """no two channels have the same name; each input has a range that contains its rest, finite on hardware."""
 
     def act(bench: Bench) -> None:
         names = [channel.name for channel in (*bench.inputs, *bench.outputs)]
@@ -112,7 +112,7 @@ def performs_the_run_it_is_given(subject: Subject) -> None:
                 np.interp(at_s + shift, protocol.time_s, protocol.commands[channel.name])
                 for shift in (-2 * PERIOD_S, 0.0, PERIOD_S)
             ]
-            slack = rounding_of(channel)
+            slack = rounding_error(channel)
             require(
                 np.all((sent >= np.min(path, axis=0) - slack) & (sent <= np.max(path, axis=0) + slack)),
                 f"other commands of {channel.name} were recorded than asked for",
@@ -136,7 +136,7 @@ def performs_the_run_it_is_given(subject: Subject) -> None:
     with_bench(subject, act)
 
 
-def times_are_those_of_the_run(subject: Subject) -> None:
+def times_belong_to_the_run(subject: Subject) -> None:
     """times begin at the run's start and increase; nothing is read before its command, and late samples are marked."""
 
     def act(bench: Bench) -> None:

@@ -24,7 +24,7 @@ SMALL, SMALL_OTHERWISE = {"Pa": 1e3, "N": 1.0}, 1e-2
 
 
 def connected(subject: Subject) -> Bench:
-    """Return the bench of the config, connected; skip the check where there is none."""
+    """Return the bench of the config, connected; skip the check without one."""
     bench: Bench = subject.build()
     try:
         bench.connect()
@@ -97,11 +97,11 @@ def require_rest(bench: Bench) -> None:
             values[channel.name],
             channel.rest,
             f"{channel.name} is not at rest after the run",
-            atol=rounding_of(channel),
+            atol=rounding_error(channel),
         )
 
 
-def rounding_of(channel: BenchChannel) -> float:
+def rounding_error(channel: BenchChannel) -> float:
     """Return the error of a value that is no error of the driver."""
     span = channel.limits.high - channel.limits.low
     return 1e-3 * (span if np.isfinite(span) else SMALL.get(si_unit(channel.name), SMALL_OTHERWISE))

@@ -1,4 +1,4 @@
-"""Calls of a driver in a thread of its own, so that one that hangs does not keep the bench from being vented."""
+"""Calls of a driver in a separate thread, so that a call that hangs does not keep the bench from being vented."""
 
 from __future__ import annotations
 

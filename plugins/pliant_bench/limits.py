@@ -88,7 +88,7 @@ def first_violation(time_s: Array, values: Array, channel: BenchChannel) -> Viol
     """Return the first violation of a path from rest to rest, or None."""
     t, v, limits = np.asarray(time_s, float), np.asarray(values, float), channel.limits
     firsts = [
-        _out_of_range(t, v, channel.name, limits),
+        _range_violation(t, v, channel.name, limits),
         _too_fast(t, v, channel.name, limits),
         _too_jerky(t, v, channel.name, limits),
         _too_short_hold(t, v, channel.name, limits),
@@ -108,7 +108,7 @@ def _first(bad: NDArray[np.bool_]) -> int | None:
     return int(np.argmax(bad)) if np.any(bad) else None
 
 
-def _out_of_range(t: Array, v: Array, name: str, limits: ChannelLimits) -> Violation | None:
+def _range_violation(t: Array, v: Array, name: str, limits: ChannelLimits) -> Violation | None:
     span = [abs(end) for end in (limits.low, limits.high) if np.isfinite(end)]
     slack = ROUNDING * max(span, default=0.0)
     k = _first((v < limits.low - slack) | (v > limits.high + slack))
@@ -194,7 +194,7 @@ class CommandGuard:
     def _violation(self, channel: BenchChannel, last: _Sent, time_s: float, value: float) -> Violation | None:
         limits, name, period = channel.limits, channel.name, self._period_s
         tolerance = 1 + ROUNDING
-        outside = _out_of_range(np.array([time_s]), np.array([value]), name, limits)
+        outside = _range_violation(np.array([time_s]), np.array([value]), name, limits)
         if outside is not None:
             return outside
         step_s = max(time_s - last.time_s, 0.0)

@@ -122,7 +122,7 @@ def _corners(clock: Array, signals: Array) -> NDArray[np.intp]:
 
 
 def protocol_from_planned(run: PlannedRun, inputs: Collection[str], period_s: float) -> BenchProtocol | None:
-    """Return the protocol of a planned run on the bench's clock; None where a condition changes within it.
+    """Return the protocol of a planned run on the bench's clock; None where a condition changes during the run.
 
     Args:
         run: of the menu, with a clock.

@@ -109,8 +109,8 @@ def export(
     An MJCF file comes with a Python module that makes it act in plain MuJoCo, a URDF file with the law as JSON and a
     reader. The law alone is written as C, NumPy, torch, JAX or JSON. Each has a check file `FILE.check.json` with the
     study's predictions. A solid (3MF, STL, STEP) is the FEM's mesh with cap, flange and inlets, one body per material,
-    checked, with a bill beside it; it needs no FEM. --mould writes halves, cores and a bill instead. The format
-    reachable writes where the tip can go, as a table and as a picture. A study with a `model` of its own writes that
+    checked, with a bill; it needs no FEM. --mould writes halves, cores and a bill instead. The format
+    reachable writes where the tip can go, as a table and as a picture. A study with a block `model` writes that
     model with its effects: an MJCF with a module for what MJCF cannot say and a check file, or
     parameters.csv; files that are there already stay without --force.
     """

@@ -1,4 +1,4 @@
-"""Export of a study with a model of its own: the improved model, or the numbers of its effects."""
+"""Export of a study with a block `model`: the improved model, or the numbers of its effects."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class SpecChange(ABC):
 class StateForce(ABC):
     """A generalised force that MuJoCo's models lack, computed before every step for all runs at once.
 
-    It keeps no state of its own: `start` returns it, and `advance` returns the next one.
+    It is stateless: `start` returns it, and `advance` returns the next one.
     """
 
     @abstractmethod
@@ -55,7 +55,7 @@ class StateForce(ABC):
 class DriveChange(ABC):
     """A change of the actuators' controls that depends on where they stand, computed before every step for all runs.
 
-    It keeps no state of its own: `start` returns it, and `advance` returns the next one.
+    It is stateless: `start` returns it, and `advance` returns the next one.
     """
 
     @abstractmethod

@@ -138,7 +138,7 @@ def read_outputs(
         UserError: no sensor and no output, or a source that the model does not have.
     """
     if not config.outputs:
-        found = [one for name in names_of(model, "sensor") for one in _of_sensor(model, name, "")]
+        found = [one for name in names_of(model, "sensor") for one in _sensor_channel(model, name, "")]
         if not found:
             raise UserError(
                 f"{where}: the model has no sensor; add one, or name outputs in the study: 'outputs: "
@@ -148,13 +148,15 @@ def read_outputs(
     reads: list[Read] = []
     added: list[AddedSensor] = []
     for column, source in config.outputs.items():
-        some, sensor = _of_source(where, model, column, source)
+        some, sensor = _source_channel(where, model, column, source)
         reads += some
         added += [] if sensor is None else [sensor]
     return tuple(reads), tuple(added)
 
 
-def _of_source(where: str, model: Any, column: str, source: str) -> tuple[Sequence[Read], AddedSensor | None]:
+def _source_channel(
+    where: str, model: Any, column: str, source: str
+) -> tuple[Sequence[Read], AddedSensor | None]:
     """Return what a column reads: a sensor, a joint or a site, whole or one component of it."""
     known = {what: names_of(model, what) for what in ("sensor", "joint", "site")}
     kind, colon, rest = source.partition(":")
@@ -165,7 +167,7 @@ def _of_source(where: str, model: Any, column: str, source: str) -> tuple[Sequen
             if not name or name not in known[what]:
                 continue
             if what == "sensor":
-                return _chosen(where, column, source, _of_sensor(model, name, column), component), None
+                return _chosen(where, column, source, _sensor_channel(model, name, column), component), None
             if what == "site":
                 sensor = AddedSensor("framepos", name)
                 axes = [
@@ -173,7 +175,7 @@ def _of_source(where: str, model: Any, column: str, source: str) -> tuple[Sequen
                 ]
                 return _chosen(where, column, source, axes, component), sensor
             if component in ("", "position", "velocity"):
-                return _of_joint(where, model, column, name, component == "velocity")
+                return _joint_channel(where, model, column, name, component == "velocity")
     every = [name for what in meant for name in known[what] if name]
     raise UserError(
         f"{where}: 'outputs' has '{column}: {source}'; {_known(source.partition('.')[0], every)} A component follows a "
@@ -181,7 +183,7 @@ def _of_source(where: str, model: Any, column: str, source: str) -> tuple[Sequen
     )
 
 
-def _of_joint(
+def _joint_channel(
     where: str, model: Any, column: str, name: str, velocity: bool
 ) -> tuple[list[Read], AddedSensor]:
     k = model.joint(name).id
@@ -197,7 +199,7 @@ def _of_joint(
     return [Read(channel, sensor.name, 0, name, velocity)], sensor
 
 
-def _of_sensor(model: Any, name: str, column: str) -> list[Read]:
+def _sensor_channel(model: Any, name: str, column: str) -> list[Read]:
     """Return the channels of a sensor, named after it or after a study's column."""
     k = model.sensor(name).id
     kind = mujoco.mjtSensor(int(model.sensor_type[k]))

@@ -96,7 +96,7 @@ class DeadZoneDrive(DriveChange):
     def advance(
         self, model: Any, state: Any, q: Array, v: Array, controls: Array, step_s: float
     ) -> tuple[Array, Any]:
-        """Return (r, nu) the controls with which the drives transmit what is left, and the same state."""
+        """Return (r, nu) the controls with which the drives transmit the remainder, and the same state."""
         drives, places, data = state
         gain, stiffness = model.actuator_gainprm[drives, 0], -model.actuator_biasprm[drives, 1]
         gear = model.actuator_gear[drives, 0]

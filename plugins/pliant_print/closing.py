@@ -33,7 +33,7 @@ class Inlet:
 
 @dataclass(frozen=True, eq=False)
 class ClosedChain:
-    """A chain that holds pressure, as bodies to print.
+    """A pressure-tight chain as bodies to print.
 
     Attributes:
         bodies: manifolds (mm) by material.

@@ -59,7 +59,7 @@ def _least_squares(system: Array, right: Array) -> Array:
 
 
 def undercut_share(skin: TriangleMesh, pull: Array, exit_plane_m: float | None = None) -> float:
-    """Return the share of a surface that looks against the pull of what lies on it.
+    """Return the share of a surface that a pull of the mould cannot release.
 
     Args:
         skin: of the part (a half's pull) or reversed of a core.

@@ -21,7 +21,13 @@ from pliant_print.checks import check_surface
 from pliant_print.closing import tip_cap_m
 from pliant_print.config import MouldConfig, PrinterConfig
 from pliant_print.mould import Mould, mould
-from pliant_print.solids import PrintedSolid, chain_of, printed_chain, printed_module, printer_of
+from pliant_print.solids import (
+    PrintedSolid,
+    chain_with_settings,
+    printed_chain,
+    printed_module,
+    printer_settings,
+)
 from pliant_print.step import write_step
 from pliant_print.threemf import write_3mf
 
@@ -53,7 +59,7 @@ def export_solid(
     session.result.update({"files": files, "format": form, "triangles": triangles, **solid_json(made, study)})
     for file in files:
         session.say(f"written  {file}")
-    for sentence in solid_sentences(made, printer_of(study), form):
+    for sentence in solid_sentences(made, printer_settings(study), form):
         session.say(sentence)
 
 
@@ -93,7 +99,7 @@ def solid_bill(made: PrintedSolid, study: Study) -> list[BillRow]:
 
 def solid_json(made: PrintedSolid, study: Study) -> dict[str, Any]:
     """Return the numbers of a solid in SI."""
-    printer = printer_of(study)
+    printer = printer_settings(study)
     return {
         "bodies": [
             {
@@ -153,7 +159,7 @@ def solid_sentences(made: PrintedSolid, printer: PrinterConfig, form: str) -> li
 def export_mould(session: Session, study: Study, out: Path, protocol: bool) -> None:
     """Write the mould of the study's chain into a folder, with its bill, and print how to cast."""
     context = session.context()
-    chain, walls, closing, density = chain_of(context, study)
+    chain, walls, closing, density = chain_with_settings(context, study)
     config: MouldConfig = study.block("mould") or MouldConfig()
     cap_m = tip_cap_m(chain, closing, min(wall.thickness_m for wall in walls.values()))
     made = mould(chain, config, closing, cap_m)

@@ -38,7 +38,7 @@ class ModuleSolid:
     """One module in its own frame, origin at the joint.
 
     Attributes:
-        bodies: closed surfaces by material: `body`, the mesh's regions, `links` for rigid parts beside the mesh.
+        bodies: closed surfaces by material: `body`, the mesh's regions, `links` for rigid parts outside the mesh.
         volumes_m3: volumes of the same bodies by the FEM's own quadrature.
         cavities: points (n, 3) on the wall of each cavity, by the name of its pressure.
         length_m: of the module.
@@ -63,7 +63,7 @@ def module_solid(family: ActuatorFamily, refinement: int = 1) -> ModuleSolid:
 
     Raises:
         UserError: the family has no mesh.
-        PluginFailureError: the mirror images of its piece are not the module that its energy stands for.
+        PluginFailureError: the mirror images of its piece do not make the module that its energy represents.
     """
     if not family.has_mesh:
         raise UserError(
@@ -144,7 +144,7 @@ def _bodies(
     shift: float,
     volumes: Mapping[str, float],
 ) -> dict[str, TriangleMesh]:
-    """Return the surfaces of the regions, of so many plane pieces that their volumes are the FEM's."""
+    """Return the surfaces of the regions, divided until their volumes agree with the FEM's."""
     for pieces in PIECES:
         made = {name: _whole(mesh, cells, planes, shift, pieces) for name, cells in regions.items()}
         if all(abs(enclosed_m3(made[name]) / volumes[name] - 1) < ENOUGH for name in made):

@@ -83,12 +83,12 @@ class PrintedSolid:
         return self.modules_m3 / self.fem_m3 - 1
 
 
-def printer_of(study: Study) -> PrinterConfig:
+def printer_settings(study: Study) -> PrinterConfig:
     """Return the study's printer, or the default one."""
     return study.block("printer") or PrinterConfig()
 
 
-def chain_of(
+def chain_with_settings(
     context: RunContext, study: Study
 ) -> tuple[ChainSolid, dict[str, Wall], SolidConfig, dict[str, float]]:
     """Return the chain's modules as solids, their thinnest walls, the closing parts, and densities by material."""
@@ -116,7 +116,7 @@ def printed_chain(context: RunContext, study: Study) -> PrintedSolid:
         UserError: the study has no chain or no family with a mesh.
         NotReachedError: a surface is not closed or crosses itself, or the volume is not the FEM's.
     """
-    chain, walls, config, density = chain_of(context, study)
+    chain, walls, config, density = chain_with_settings(context, study)
     closed = closed_chain(chain, config, min(wall.thickness_m for wall in walls.values()))
     assert study.chain is not None
     return _checked(
@@ -125,7 +125,7 @@ def printed_chain(context: RunContext, study: Study) -> PrintedSolid:
         sum(chain.fem_volumes_m3.values()),
         walls,
         density,
-        printer_of(study),
+        printer_settings(study),
         base_rotation(study.chain.base),
         np.array(study.chain.base.position_m, float),
         closed,
@@ -143,7 +143,7 @@ def printed_module(context: RunContext, study: Study) -> PrintedSolid:
         sum(module.volumes_m3.values()),
         module_walls(module),
         densities(context, study, module),
-        printer_of(study),
+        printer_settings(study),
         np.eye(3),
         np.zeros(3),
     )
@@ -214,9 +214,3 @@ def thinnest_wall_m(context: RunContext, study: Study) -> float:
     pieces = study_pieces(context, study)
     modules = {id(piece.module): piece.module for piece in pieces if piece.module}
     return min(wall.thickness_m for one in modules.values() for wall in module_walls(one, FEW_RAYS).values())
-
-
-__all__ = (
-    "RIBBON", "Body", "PrintedSolid", "chain_of", "densities", "module_walls", "printed_chain", "printed_module",
-    "printer_of", "thinnest_wall_m",
-)  # fmt: skip

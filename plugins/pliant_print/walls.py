@@ -32,7 +32,7 @@ class Overhang:
 
     Attributes:
         up: the direction that is up on the printer, in the file's frame.
-        share: of the whole surface, above the printer's limit, without what lies on the bed.
+        share: of the whole surface, above the printer's limit, without the face on the bed.
         worst_rad: largest angle from the vertical.
     """
 
@@ -83,7 +83,7 @@ def _opposite(body: Any, start: Array, way: Array, normal: Array, reach: float) 
 
 
 def overhang(skin: TriangleMesh, up: Array, name: str, limit_rad: float) -> Overhang:
-    """Return the overhangs of a surface that stands on its lowest plane, with `up` up."""
+    """Return the overhangs of a surface on its lowest plane, with `up` up."""
     corners = skin.vertices_m[skin.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
@@ -98,7 +98,7 @@ def overhang(skin: TriangleMesh, up: Array, name: str, limit_rad: float) -> Over
 
 
 def best_direction(skin: TriangleMesh, limit_rad: float) -> tuple[Overhang, Overhang]:
-    """Return the overhangs of a chain that stands on its base (x up), and those of the best of six directions."""
+    """Return the overhangs of a chain upright on its base (x up), and those of the best of six directions."""
     every = []
     for axis, name in enumerate("xyz"):
         for sign, mark in ((1.0, ""), (-1.0, "-")):

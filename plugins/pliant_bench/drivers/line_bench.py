@@ -42,8 +42,8 @@ REFUSALS = {
 class LineBench(SampledBench):
     """A bench behind the line protocol; its channels and limits are those that the microcontroller states.
 
-    The microcontroller moves a valve to its command in a straight line that takes one sampling period, and tells where
-    it is, which is recorded: the path is that of the protocol, one period later, without steps.
+    The microcontroller moves a valve to its command in a straight line that takes one sampling period, and reports its
+    position, which is recorded: the path is that of the protocol, one period later, without steps.
     """
 
     config: LineBenchConfig

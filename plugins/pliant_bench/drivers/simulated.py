@@ -1,6 +1,6 @@
 """Driver `simulated`: a bench whose specimen is a study, with the effects that it states and noise of the readings.
 
-The study, `truth`, may have a chain of modules or a model of its own. The specimen remembers: all its runs so far are
+The study, `truth`, may have a chain of modules or a user's model. The specimen remembers: all its runs so far are
 simulated together, so that softening and set continue from run to run.
 """
 
@@ -125,7 +125,7 @@ class SimulatedSpecimens:
         if protocol.new_specimen and any(one.specimen == self.name for one in self.histories):
             self.number += 1
 
-    def of_mounted(self) -> list[History]:
+    def mounted_runs(self) -> list[History]:
         """Return the runs of the mounted specimen."""
         return [one for one in self.histories if one.specimen == self.name]
 
@@ -147,7 +147,7 @@ class SimulatedBench(Bench):
 
     @property
     def inputs(self) -> tuple[BenchChannel, ...]:
-        """Return the inputs of the truth, then what the rig drives beside them."""
+        """Return the inputs of the truth, then the loads and conditions that the rig drives."""
         return self._inputs
 
     @property
@@ -215,7 +215,7 @@ class SimulatedBench(Bench):
         self._stopping.clear()
         self._specimens.mount(protocol)
         history = protocol_history(protocol, self._driven, self._specimens.name)
-        ideal = self._predict([*self._specimens.of_mounted(), history])
+        ideal = self._predict([*self._specimens.mounted_runs(), history])
         rng = np.random.default_rng([self.config.seed, len(self._specimens.histories)])
         readings = {
             one.name: ideal[one.name] + self._noise.draw(one.name, protocol.time_s, rng)

@@ -61,7 +61,7 @@ def budget_spent(runs: int, minutes: float, settings: ExperimentConfig) -> Ended
 
 
 def nothing_to_tell(undecided: bool, verdict: Mapping[str, Any]) -> Ended:
-    """Return the end where no allowed run tells more, while several explanations are left or not."""
+    """Return the end without a further informative run; `undecided` if several explanations remain."""
     if not undecided:
         return Ended("verdict", "No run within the limits and the budget would show anything further.")
     left = verdict.get("selected_class") or [

@@ -1,4 +1,4 @@
-"""State of an experiment for a live view, read from its folder by any process while the experiment goes on."""
+"""State of an experiment for a live view, read from its folder by any process during the experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who stands beside the bench: sets conditions, confirms the first run, or is not there."""
+"""The operator of a bench, who sets conditions and confirms the first run."""
 
 from __future__ import annotations
 

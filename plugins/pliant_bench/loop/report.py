@@ -1,4 +1,4 @@
-"""The story of an experiment, run by run: why each was done, what it was expected to tell and what it told."""
+"""The report of an experiment, run by run: its reason, its expected and its obtained information."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The closed loop: plan, run, record, diagnose, until the experiment ends.
 
-Every step begins from what is on disk and ends with one file more, so that a program that was killed goes on where it
-was: a run that has a plan and no recording is recorded from its samples, or performed; a recording without a verdict is
-diagnosed.
+Every step reads the folder and ends with one more file, so that a killed program resumes there: a run with a plan and
+without a recording is recorded from its samples, or performed; a recording without a verdict is diagnosed.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ def run_rounds(experiment: Experiment) -> Ended:
 
     Raises:
         KeyboardInterrupt: after the bench has vented; what was recorded is on disk.
-        UserError: the bench cannot go on.
+        UserError: the bench does not answer, or a run exceeds its limits.
     """
     recover(experiment.folder)
     experiment.bench.resume([one.read_recording() for one in experiment.folder.rounds() if one.is_recorded])

@@ -1,4 +1,4 @@
-"""The experiment on the terminal: a line per step, and while a run goes on what is commanded, read and expected."""
+"""The experiment on the terminal: a line per step, and during a run commands, readings and expected readings."""
 
 from __future__ import annotations
 

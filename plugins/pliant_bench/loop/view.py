@@ -1,4 +1,4 @@
-"""View: what follows an experiment while it goes on."""
+"""View: a follower of a running experiment."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The user's own comments of an MJCF, kept in the improved file as far as its elements are still there.
 
-MuJoCo writes a specification without comments, in an order of its own. A comment stands above the element that followed
+MuJoCo writes a specification without comments, in another order. A comment precedes the element that followed
 it; where that is not written any more, above the nearest element around it, and at last at the top of the file.
 """
 
@@ -67,7 +67,7 @@ def _collect(
     """Add the comments among the children of an element; `path` and `around` are the elements that it is in."""
     own = _own(element)
     here = (*path, own)
-    keys = (*_keys_of(path, element), *around)
+    keys = (*_element_keys(path, element), *around)
     children = list(element)
     for k, child in enumerate(children):
         if child.tag is not COMMENT:
@@ -75,7 +75,7 @@ def _collect(
             continue
         words = " ".join((child.text or "").split())
         following = next((other for other in children[k + 1 :] if other.tag is not COMMENT), None)
-        nearest = () if following is None else _keys_of(here, following)
+        nearest = () if following is None else _element_keys(here, following)
         if words:
             found.append(Remembered(words, (*nearest, *keys)))
 
@@ -85,7 +85,7 @@ def _own(element: ElementTree.Element) -> str:
     return f"{element.tag} {name}" if name else str(element.tag)
 
 
-def _keys_of(path: tuple[str, ...], element: ElementTree.Element) -> tuple[Key, ...]:
+def _element_keys(path: tuple[str, ...], element: ElementTree.Element) -> tuple[Key, ...]:
     """Return the key of an element, and that of the form in which MuJoCo may write it."""
     name = element.get("name") or element.get("class")
     if not name:

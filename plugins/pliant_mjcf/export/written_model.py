@@ -34,7 +34,7 @@ class Destination:
 
 @dataclass(eq=False)
 class WrittenModel:
-    """A specification with the effects that MJCF can say, and what is left for the module.
+    """A specification with the effects that MJCF can say, and the remaining effects for the module.
 
     Attributes:
         spec: changed in place.
