@@ -19,7 +19,7 @@ from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import simplified, solid, surface, united, volume_m3
 from pliant_print.chain_solid import ChainSolid, chain_solid
 from pliant_print.checks import SurfaceCheck, check_surface
-from pliant_print.closing import RIBBON, ClosedChain, closed_chain, modules_volume_m3
+from pliant_print.closing import ClosedChain, closed_chain, modules_volume_m3
 from pliant_print.config import PrinterConfig, SolidConfig
 from pliant_print.module_solid import BODY, LINKS, ModuleSolid, module_solid
 from pliant_print.stack import study_pieces, study_refinement
