@@ -23,6 +23,7 @@ from pliant.config.study import Study
 from pliant.diagnosis.extension import write_extended_study
 from pliant.errors import UserError
 from pliant.execution.executors import Workers
+from pliant.formatting import listed, plural
 from pliant.report.extension import cited
 from pliant.report.improvement import origin, stands_for
 from pliant_bench.bench import Bench, ChannelCheck
@@ -91,7 +92,7 @@ def experiment(
             {"study": loaded.name, "study_sha256": _digest(study), "bench": bench.config.kind}
         )
         if resumed:
-            session.say(f"{folder.path}: the experiment goes on after run {len(folder.rounds())}.")
+            session.say(f"{folder.path}: resumed after {plural(len(folder.rounds()), 'run')}.")
         _check_channels(session, bench.check())
         _confirm(person, bench, settings, bool(folder.recordings()))
         view = TerminalView(session, len(kinds))
@@ -136,9 +137,8 @@ def _confirm(person: Person | None, bench: Bench, settings: ExperimentConfig, be
     """Ask before the first run on hardware."""
     if person is None or begun:
         return
-    limits = ", ".join(
-        f"{name} up to {words(name, one.limits(name).high)}" for name, one in settings.inputs.items()
-    )
+    tops = [words(name, one.limits(name).high) for name, one in settings.inputs.items()]
+    limits = f"at most {listed(tops)}"
     if not person.confirm(f"The bench will move ({limits})."):
         raise UserError("The experiment was not begun; --dry-run shows its first run.")
 

@@ -35,6 +35,7 @@ CALLS = {
     "extend": ("loop/finger.yaml", "--effect", "viscoelastic"),
     "improve": ("loop/finger.yaml", *FEW),
     "optimize": ("searched.yaml", "search.budget=6", "--workers", "1"),
+    "experiment": ("experiment/finger.yaml", "--effect", "friction_hysteresis", "--effect", "sensor_scale"),
     "plugins": (),
     "calibrate": ("silicone.yaml", "--data", "pull.csv"),
     "plan": ("loop/finger.yaml",),
@@ -49,7 +50,7 @@ CALLS = {
     "new-plugin": ("my-effect",),
 }
 # Verbs whose own tests check these keys in the fast suite.
-COSTLY = ("fem", "compare", "plan", "diagnose", "extend", "improve", "optimize", "check")
+COSTLY = ("fem", "experiment", "compare", "plan", "diagnose", "extend", "improve", "optimize", "check")
 PUBLISHED = {"study-shape": "shape_matching", "study-gripper": "gripper_codesign"}
 # Lists and objects that are empty in these runs: the hidden effect is found and no measurement is proposed.
 MAY_BE_EMPTY = {
@@ -63,6 +64,7 @@ def folder(tmp_path_factory):
     """Return a folder with studies and their data, with one store for all verbs."""
     place = tmp_path_factory.mktemp("formats")
     shutil.copytree(ROOT / "examples" / "hidden_effect", place / "loop")
+    shutil.copytree(ROOT / "examples" / "experiment", place / "experiment")
     for file in ("silicone.yaml", "pull.csv"):
         shutil.copy(ROOT / "examples" / "materials" / file, place)
     for name, text in (("law", BENCH), ("searched", SEARCHED), ("joint", JOINT)):

@@ -24,6 +24,8 @@ class Formula(EffectConfig):
 class FormulaPredictor:
     """y(t) of each run by `function(clock, a, b)`; slopes by differences, as the engine's are to first order."""
 
+    costly_slopes = False
+
     def __init__(self, function, clocks):
         self.function, self.clocks = function, clocks
 

@@ -84,6 +84,11 @@ ELSEWHERE = {
     "measurements.trials": "success counts: tests/pliant_counts",
     "measurements.plausible": "success counts: tests/pliant_counts",
     "fem.self_contact": "the stand-in of the solver has no walls: tests/fem/test_contact.py",
+    "bench": "what performs runs: tests/bench",
+    "experiment": "limits and budget of a closed loop: tests/bench",
+    "printer": "solids to print: tests/pliant_print",
+    "solid": "solids to print: tests/pliant_print",
+    "mould": "moulds: tests/pliant_print",
     "cross_check": "the same engines as in 'physics'",
     "pliant": "the format's number",
 }

@@ -37,6 +37,9 @@ class StudyProblem:
     def metric_violations(self, values, metrics):
         return {}
 
+    def names_metric(self, name):
+        return False
+
     def apply(self, values, condition):
         change = list(self.changes.values())[condition]
         return changed(self.registry, self.study, {**change, **values})

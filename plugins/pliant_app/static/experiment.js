@@ -40,7 +40,7 @@ function show(state) {
   const last = state.runs[state.runs.length - 1], status = state.status || {};
   $("title").textContent = last ? last.name : "No run yet";
   $("why").textContent = last ? `${last.words}. ${last.why}` : "";
-  const words = {running: "The run goes on.", diagnosing: "The recordings are being diagnosed.", ended: `The experiment has ended. ${status.sentence || ""}`};
+  const words = {running: "The run goes on.", resting: "The specimen rests before the run.", diagnosing: "The recordings are being diagnosed.", ended: `The experiment has ended. ${status.sentence || ""}`};
   const done = [...state.runs].reverse().find(one => one.verdict);
   $("doing").textContent = `${state.stopping ? "Stopping. " : ""}${words[status.doing] || ""} ${done ? done.sentence : ""}`;
   $("vent").disabled = status.doing === "ended";

@@ -114,6 +114,8 @@ def experiment_document(
             "probabilities": {}
             if last is None
             else {hypothesis(h["kinds"]): h["probability"] for h in last["hypotheses"]},
+            "parameters": {} if last is None else _leading(last).get("parameters", {}),
+            "rmse_over_floor": None if last is None else _leading(last).get("rmse_over_floor"),
             "runs": [as_json((*WORDS, *NUMBERS), story) for story in stories],
             "recordings": [str(path) for path in folder.recordings()],
             "improved_study": improved,
@@ -125,6 +127,7 @@ def experiment_document(
         ),
         closing=(
             verdict,
+            *([] if last is None else _numbers(last)),
             end,
             *([f"improved study {improved}"] if improved else []),
             f"recordings {folder.path}/run_*/recording_*.csv",
@@ -132,6 +135,28 @@ def experiment_document(
         draw=partial(_drawn, stories, folder),
         footer=f"Recordings: {listed([p.parent.name for p in folder.recordings()])} in {folder.path}",
     )
+
+
+def _leading(verdict: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the most probable hypothesis of a diagnosis that is a listed one."""
+    listed_ones = [one for one in verdict["hypotheses"] if one["kinds"] != ["unknown"]]
+    first: Mapping[str, Any] = listed_ones[0]
+    return first
+
+
+def _numbers(verdict: Mapping[str, Any]) -> list[str]:
+    """Return the parameters of the leading explanation and its error, in a sentence each."""
+    first = _leading(verdict)
+    name = hypothesis(first["kinds"])
+    values = [
+        f"{key} {one['value']:.4g} ± {one['sd']:.2g} {one['unit']}".strip()
+        for key, one in first.get("parameters", {}).items()
+        if one.get("value") is not None and one.get("sd") is not None
+    ]
+    over = first.get("rmse_over_floor")
+    said = [f"With {name}: {', '.join(values)}."] if values else []
+    said += [] if over is None else [f"Its error on runs left out is {over:.3g} times the noise."]
+    return said
 
 
 def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:

@@ -32,6 +32,8 @@ from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
 
 # Runs that a watchdog may stop one after the other before the experiment ends.
 MOST_STOPPED = 3
+# Seconds between two looks at the stop button while the specimen rests.
+REST_STEP_S = 0.2
 
 
 class Planner(Protocol):
@@ -168,6 +170,7 @@ def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis |
         experiment.person.set_conditions(changes, protocol.new_specimen)
     expected = _expected(experiment, protocol, asked, diagnosis)
     folder.write_expected(expected.mean, expected.sd, protocol.time_s)
+    _rest(experiment, folder)
     experiment.view.begins(protocol, expected)
     experiment.folder.write_status(doing="running", run=folder.number, since=time.time())
     recording = perform(
@@ -181,6 +184,19 @@ def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis |
     )
     experiment.view.recorded(folder, folder.read("recording") or {})
     return recording
+
+
+def _rest(experiment: Experiment, folder: RoundFolder) -> None:
+    """Wait until the specimen of a bench has been at rest for the time of setting up; the stop button ends the wait."""
+    earlier = [
+        one.path / "recording.json" for one in experiment.folder.rounds() if one.number < folder.number
+    ]
+    if not experiment.bench.is_hardware or not earlier:
+        return
+    until = earlier[-1].stat().st_mtime + 60.0 * experiment.settings.set_up_minutes
+    experiment.folder.write_status(doing="resting", run=folder.number, since=time.time())
+    while (left := until - time.time()) > 0.0 and not experiment.folder.stop_file.exists():
+        time.sleep(min(left, REST_STEP_S))
 
 
 def _expected(

@@ -113,9 +113,9 @@ class TerminalPerson(Person):
         typer.prompt("Press Enter when it is done", default="", show_default=False, err=True)
 
     def confirm(self, question: str) -> bool:
-        """Ask on standard error; anything but "yes" is no."""
+        """Ask on standard error; anything but "y" or "yes" is no."""
         answer = typer.prompt(f"{question} Type yes to begin", default="no", err=True)
-        return str(answer).strip().lower() == "yes"
+        return str(answer).strip().lower() in ("y", "yes")
 
 
 def bits(nats: float) -> str:
