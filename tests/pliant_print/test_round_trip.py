@@ -14,7 +14,7 @@ pytest.importorskip("netgen")
 
 def test_a_quarter_of_the_printed_module_is_a_mesh_file_again(tmp_path: Path) -> None:
     quarter = quarter_stl(BELLOW, tmp_path / "quarter.stl")
-    mesh = again(BELLOW, 2.0, None, tmp_path).problem().mesh
+    mesh = again(BELLOW, 1.5, None, tmp_path).problem().mesh
     own = BELLOW.problem().mesh
     assert cell_volumes(mesh.nodes_m, mesh.cells).sum() == pytest.approx(quarter, rel=2e-3)
     assert quarter == pytest.approx(cell_volumes(own.nodes_m, own.cells).sum(), rel=5e-3)
