@@ -142,7 +142,7 @@ def solid_sentences(made: PrintedSolid, printer: PrinterConfig, form: str) -> li
         )
     wall, least = made.thinnest, printer.min_wall_m
     place = ", ".join(f"{1e3 * x:.3g}" for x in wall.point_m)
-    verdict = "prints" if wall.thickness_m >= least * (1 - 1e-3) else "is too thin for"
+    verdict = "is no thinner than" if wall.thickness_m >= least * (1 - 1e-3) else "is thinner than"
     lines = wall.thickness_m / printer.nozzle_m
     said.append(
         f"The thinnest wall, {1e3 * wall.thickness_m:.3g} mm at ({place}) mm, {verdict} the printer's least wall of "
