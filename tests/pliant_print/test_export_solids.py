@@ -38,7 +38,7 @@ def objects_of(path: Path) -> dict[str, trimesh.Trimesh]:
 def test_a_3mf_file_has_one_object_per_material_upright_on_the_bed(pliant, pneunet):
     answer = pliant("export", pneunet, "--out", "robot.3mf", "--json", "robot.json").done()
     assert "closed, oriented, without triangles that cross" in answer.out
-    assert "is too thin for the printer's least wall of 1.6 mm" in " ".join(answer.out.split())
+    assert "is thinner than the printer's least wall of 1.6 mm" in " ".join(answer.out.split())
     bodies = objects_of(Path("robot.3mf"))
     assert list(bodies) == ["body", "layer"] and all(one.is_watertight for one in bodies.values())
     low = min(one.bounds[0, 2] for one in bodies.values())
