@@ -125,13 +125,13 @@ class FilesBench(Bench):
         return done
 
     def stop(self) -> None:
-        self._stopping.set()
         try:
-            (self.config.folder / STOP).touch()
+            (self.config.folder / STOP).touch()  # first, so that it is there when the run has ended
         except OSError as error:
             self.say(
                 f"{self.config.folder / STOP} cannot be written ({error.strerror}): vent the bench by hand."
             )
+        self._stopping.set()
 
     def close(self) -> None:
         pass
