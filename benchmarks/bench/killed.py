@@ -61,7 +61,6 @@ def do_experiment(study: Path, folder: Path) -> None:
     """Run or resume the loop of an experiment to its end."""
     opened = api.open_study(study, store=study.parent / "store")
     settings, bench = opened.study.experiment, opened.context.build("bench", opened.study.bench)
-    bench.study_limits = {name: one.limits(name) for name, one in settings.inputs.items()}
     bench.connect()
     experiment = ExperimentFolder(folder)
     experiment.begin({"study": opened.study.name})

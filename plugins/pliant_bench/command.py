@@ -78,7 +78,7 @@ def experiment(
     person = _person(session, bench, settings, yes)
     who = loaded.resolve_workers(workers_or_scheduler(workers, scheduler), 1)
     session.result |= {"study": loaded.name, "out": str(folder.path)}
-    bench.study_limits = {name: one.limits(name) for name, one in settings.inputs.items()}
+    bench.study_limits = settings.input_limits
     try:
         bench.connect()
         planner = TellingPlanner(opened, _asked(settings, bench, person), bench)

@@ -64,7 +64,7 @@ class ExperimentConfig(FrozenModel):
     """What `pliant experiment` may do.
 
     Attributes:
-        manual: conditions that a person can set, each with its levels; the first is how the bench stands now.
+        manual: conditions that a person can set, each with its levels; the first is the present one.
     """
 
     inputs: dict[str, InputLimitsConfig] = Field(description="every input of the bench with its limits")
@@ -90,12 +90,17 @@ class ExperimentConfig(FrozenModel):
     unattended: bool = Field(False, description="--yes is allowed for runs on hardware")
 
     def levels(self, name: str) -> tuple[float, ...]:
-        """Return the levels of a condition that a person can set, SI; the first is how the bench stands now."""
+        """Return the levels of a condition that a person can set, SI; the first is the present one."""
         unit = si_unit(name) or "dimensionless"
         return tuple(
             parse_quantity(level, unit) if isinstance(level, str) else float(level)
             for level in self.manual[name]
         )
+
+    @property
+    def input_limits(self) -> dict[str, ChannelLimits]:
+        """Return the limits of every input, SI."""
+        return {name: limits.limits(name) for name, limits in self.inputs.items()}
 
     @property
     def standing(self) -> dict[str, float]:

@@ -56,7 +56,6 @@ class KillingView(View):
 def loop(folder: Path, path: Path, view: View | None = None) -> tuple[Any, ExperimentFolder]:
     opened = api.open_study(path, store=folder.parent / "store")
     settings, bench = opened.study.experiment, opened.context.build("bench", opened.study.bench)
-    bench.study_limits = {name: one.limits(name) for name, one in settings.inputs.items()}
     bench.connect()
     experiment = ExperimentFolder(folder)
     experiment.begin({"study": opened.study.name})
@@ -167,3 +166,21 @@ def test_a_lost_bench_ends_the_experiment_and_the_same_command_goes_on(tmp_path:
     assert [(one.read("recording") or {})["samples"] for one in folder.rounds()] == [20]
     end, folder = done(lambda index: None)
     assert end.why != "bench" and len(folder.rounds()) > 3
+
+
+def test_the_loop_gives_the_bench_the_limits_of_the_study(tmp_path: Path) -> None:
+    path = write_studies(tmp_path)
+    path.write_text(path.read_text().replace("high: 15 kPa", "high: 6 kPa"))
+    opened = api.open_study(path, store=tmp_path / "store")
+    bench, settings = PlainBench(before=stop_at_once), opened.study.experiment
+    folder, planner = (
+        ExperimentFolder(tmp_path / "experiment"),
+        TellingPlanner(opened, settings, bench, QUICK),
+    )
+    run_rounds(Experiment(opened, settings, bench, folder, ["pressure_pa"], KINDS, planner, Nobody()))
+    assert bench.limited_inputs[0].limits.high == 6e3
+    assert folder.rounds()[0].read_protocol().commands["pressure_pa"].max() < 6e3
+
+
+def stop_at_once(index: int) -> None:
+    raise ConnectionLostError("The cable is out.")

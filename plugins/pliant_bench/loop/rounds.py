@@ -82,6 +82,7 @@ def run_rounds(experiment: Experiment) -> Ended:
         KeyboardInterrupt: after the bench has vented; what was recorded is on disk.
         UserError: the bench does not answer, or a run exceeds its limits.
     """
+    experiment.bench.study_limits = experiment.settings.input_limits
     recover(experiment.folder)
     experiment.bench.resume([one.read_recording() for one in experiment.folder.rounds() if one.is_recorded])
     latest: tuple[int, Diagnosis] | None = None
