@@ -259,6 +259,7 @@ _OF_REPORTS = ("parts.js", "scene.js", "moving.css", "vendor/uPlot.js", "vendor/
 _SHIPPED = (
     "page.html",
     "page.css",
+    "asking.js",
     "page.js",
     "pictures.js",
     "effects.js",

@@ -1,20 +1,8 @@
 "use strict";
 // The live page of an experiment: asks ten times a second for the samples that are new.
-const token = new URLSearchParams(location.search).get("token") || "";
-const $ = id => document.getElementById(id);
-const headers = {"x-pliant-token": token};
 const EVERY_MS = 100, LOG2 = Math.log(2);
 let run = 0, have = 0, kept = null, plots = {};
 
-async function ask(name, body) {
-  const answer = await fetch(`/api/${name}`, body === undefined ? {headers} :
-    {method: "POST", headers: {...headers, "content-type": "application/json"}, body: JSON.stringify(body)});
-  if (answer.status === 403) throw new Error(await answer.text());
-  const found = await answer.json();
-  if (!answer.ok) throw new Error(found.error || "it failed");
-  return found;
-}
-function say(text) { $("said").textContent = text; $("said").hidden = !text; }
 function el(tag, attributes, ...children) {
   const made = document.createElement(tag);
   for (const [key, value] of Object.entries(attributes || {})) made.setAttribute(key, value);

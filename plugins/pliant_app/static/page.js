@@ -1,20 +1,8 @@
 "use strict";
 // The page: asks the server, draws, sends choices. The state is the server's; every tab sees the same.
-const token = new URLSearchParams(location.search).get("token") || "";
-const $ = id => document.getElementById(id);
 let view = null, data = null, version = -1, now = null, asis = null, where = null, screening = null, marked = null, curvesOf = "";
 let dropping = false;  // files that come together are looked at together
-const headers = {"x-pliant-token": token};
 
-async function ask(name, body) {
-  const answer = await fetch(`/api/${name}`, body === undefined ? {headers} :
-    {method: "POST", headers: {...headers, "content-type": "application/json"}, body: JSON.stringify(body)});
-  if (answer.status === 403) throw new Error(await answer.text());
-  const found = await answer.json();
-  if (!answer.ok) throw new Error(found.error || "it failed");
-  return found;
-}
-function say(text) { $("said").textContent = text; $("said").hidden = !text; }
 const attempt = work => async (...args) => { try { say(""); await work(...args); } catch (error) { say(error.message); } };
 
 // What is there
