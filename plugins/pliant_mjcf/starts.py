@@ -1,7 +1,8 @@
 """States at the start of runs: from first readings, at rest under the first inputs, or as the MJCF states them.
 
-The state of rest is found by dynamic relaxation with kinetic damping: the model moves under its own forces, and all
-velocities are set to zero whenever the kinetic energy begins to fall (Barnes, Computers & Structures 33, 1989).
+The state of rest is the nearest stable equilibrium (`pliant_mjcf.equilibrium`). Where contacts or dry friction act, it
+is reached by dynamic relaxation with kinetic damping: the model moves under its own forces, and all velocities are set
+to zero whenever the kinetic energy begins to fall (Barnes, Computers & Structures 33, 1989).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pliant.errors import UserError, closest
 from pliant.records.design import Array
 from pliant_mjcf.channels import Read
 from pliant_mjcf.config import FIRST, SETTLED
+from pliant_mjcf.equilibrium import settle
 from pliant_mjcf.mjcf import SCALAR_JOINTS, names_of
 
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -149,6 +151,11 @@ def _settled(model: Any, data: Any, control: Array) -> Array:
     mujoco.mj_forward(model, data)
     if not model.nv:
         return beginning
+    outcome = settle(model, data, AT_REST)
+    if outcome != "unknown":
+        return _resting(model, data) if outcome == "rest" else beginning
+    mujoco.mj_setState(model, data, beginning, STATE)
+    mujoco.mj_forward(model, data)
     scale = max(float(np.abs(data.qacc).max()), 1.0)
     energy, residual, released = 0.0, np.inf, True
     for _ in range(int(SETTLING_S / model.opt.timestep)):
