@@ -48,7 +48,7 @@ def settle(model: Any, data: Any, tolerance: float) -> Outcome:
             return "no rest"
         if np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[0] <= 0.0:
             return "unknown"
-        step: Array = np.linalg.solve(stiffness, force)
+        step = np.asarray(np.linalg.solve(stiffness, force), float)
         force = _advanced(model, data, force, step)
     return "unknown"
 
