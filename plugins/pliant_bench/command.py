@@ -34,7 +34,7 @@ from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody, Person, words
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
 from pliant_bench.loop.report import experiment_document
-from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.rounds import Experiment, run_minutes, run_rounds
 from pliant_bench.loop.terminal import TerminalPerson, TerminalView
 
 IMPROVABLE = ("missing_effect", "unknown_effect", "law_off", "ambiguous")
@@ -157,7 +157,7 @@ def _report(
     who: Workers,
 ) -> None:
     """Write the improved study where something is to be added, and the report."""
-    minutes = sum(float((one.read("plan") or {})["minutes"]) for one in folder.rounds())
+    minutes = sum(run_minutes(one) for one in folder.rounds())
     verdicts = [one for f in folder.rounds() if (one := f.read("verdict")) is not None]
     improved = None
     if verdicts and verdicts[-1]["verdict"] in IMPROVABLE:

@@ -23,6 +23,9 @@ from pliant_bench.plans import CONDITIONS, VALVE
 
 Shape = Literal["cycles", "waves", "steps", "hold", "loops", "rest", "closed"]
 SHAPES: tuple[Shape, ...] = ("cycles", "waves", "steps", "hold", "loops", "rest")
+# Shapes that go to the end of a range on one side of rest, and to both ends.
+ONE_SIDED: tuple[Shape, ...] = ("cycles", "waves", "steps", "hold", "loops")
+TWO_SIDED: tuple[Shape, ...] = ("cycles", "waves")
 # Numbers of a segment: highest level, lowest level, pace, duration of holds or change of pace, count.
 NUMBERS = 5
 MOST_SEGMENTS = 4
@@ -127,6 +130,25 @@ class ProtocolSpace:
         count = MOST_SEGMENTS if is_rich else int(rng.integers(1, MOST_SEGMENTS + 1))
         segments = tuple(self._segment(rng) for _ in range(count))
         return SpaceMember(segments, float(rng.uniform(0.5 if is_rich else 0.0, 1.0)), dict(setting))
+
+    def covering(
+        self, rng: np.random.Generator, setting: Mapping[str, float], inputs: Sequence[str]
+    ) -> SpaceMember:
+        """Return a random long member with a part for each of these inputs that goes to the ends of its range."""
+        segments = [self._to_the_ends(rng, name) for name in inputs]
+        more = int(rng.integers(0, 2)) if len(segments) < MOST_SEGMENTS else 0
+        return SpaceMember((*segments, *(self._segment(rng) for _ in range(more))), 1.0, dict(setting))
+
+    def _to_the_ends(self, rng: np.random.Generator, name: str) -> Segment:
+        high, _, *others = rng.uniform(size=NUMBERS).tolist()
+        if name == VALVE:
+            supplied = [
+                axis.channel.name for axis in self.axes if axis.channel.name not in (*CONDITIONS, VALVE)
+            ]
+            return Segment("closed", tuple(supplied[:1]), (high, 0.0, *others))
+        is_two_sided = self._axis(name).low < self._axis(name).channel.rest
+        shapes = TWO_SIDED if is_two_sided else ONE_SIDED
+        return Segment(shapes[int(rng.integers(len(shapes)))], (name,), (1.0, float(is_two_sided), *others))
 
     def _segment(self, rng: np.random.Generator) -> Segment:
         names = [axis.channel.name for axis in self.axes if axis.channel.name != VALVE]

@@ -96,7 +96,7 @@ def _next(
         return first, expect_without_data(opened, outputs, history(first.protocol))
     data = api.read_measurement(opened, folder.recordings())
     diagnosis = api.diagnose(opened, data, kinds=kinds, workers=workers)
-    done = [one.read_recording().protocol for one in rounds]
+    done = [one.read_recording() for one in rounds]
     choice = planner.next(data, diagnosis, done, np.inf)
     if choice.protocol is None:
         return choice, Expectation({}, {})

@@ -41,7 +41,8 @@ def _summary(folder: RoundFolder) -> dict[str, Any]:
     verdict = folder.read("verdict")
     summary = {
         "number": folder.number,
-        **{key: plan.get(key) for key in ("name", "words", "why", "minutes", "expected_nats")},
+        **{key: plan.get(key) for key in ("name", "why", "expected_nats")},
+        **{key: recording.get(key, plan.get(key)) for key in ("words", "minutes")},
         "ending": recording.get("ending"),
         "reason": recording.get("reason"),
     }

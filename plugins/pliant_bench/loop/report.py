@@ -64,13 +64,13 @@ class RunStory:
 
 WORDS: tuple[Column[RunStory], ...] = (
     Column("number", head="run"),
-    Column("plan.words", "run", head="what was done"),
+    Column("recording.words", "run", head="what was done"),
     Column("plan.why", head="why"),
     Column("recording.ending", "ending", head="ending"),
 )
 NUMBERS: tuple[Column[RunStory], ...] = (
     Column("number", head="run", brief="run"),
-    Column("plan.minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
+    Column("recording.minutes", "minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
     Column("plan.expected_nats", head="expected", brief="expected", show=bits),
     Column("obtained_nats", head="obtained", brief="obtained", show=bits),
     Column("verdict.verdict", head="verdict after it"),

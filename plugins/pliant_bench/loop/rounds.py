@@ -7,7 +7,7 @@ without a recording is recorded from its samples, or performed; a recording with
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -20,7 +20,14 @@ from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.limits import check_protocol
-from pliant_bench.loop.decision import Ended, budget_spent, nothing_to_tell, verdict_reached
+from pliant_bench.loop.decision import (
+    Ended,
+    budget_spent,
+    nothing_to_tell,
+    rounds_held,
+    verdict_ends,
+    verdict_holds,
+)
 from pliant_bench.loop.expectation import expect, expect_without_data
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.information import obtained_nats
@@ -44,9 +51,18 @@ class Planner(Protocol):
         ...
 
     def next(
-        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+        self,
+        data: Measurement,
+        diagnosis: Diagnosis,
+        done: Sequence[BenchRecording],
+        minutes_left: float,
+        met: Collection[str] | None = None,
     ) -> Choice:
-        """Return the run with the most expected information per minute; without a protocol where none helps."""
+        """Return the run with the most expected information per minute; without a protocol where none helps.
+
+        `met` is given once a verdict holds: the effects that runs since then would have shown. The run returned is
+        then one that the verdict has still to meet.
+        """
         ...
 
 
@@ -105,19 +121,31 @@ def run_rounds(experiment: Experiment) -> Ended:
         if last.read("verdict") is None:
             latest = (last.number, _diagnose(experiment, rounds))
         verdicts = [one for folder in rounds if (one := folder.read("verdict")) is not None]
-        if (ended := verdict_reached(verdicts, experiment.settings)) is not None:
-            return ended
+        if (end := last.read("end")) is not None:
+            return verdict_ends(verdicts, end["why"])
+        holds = verdict_holds(verdicts, experiment.settings)
+        spent = sum(run_minutes(one) for one in rounds)
+        if (over := budget_spent(len(rounds), spent, experiment.settings, holds)) is not None:
+            return over
         if latest is None or latest[0] != last.number:  # resumed after a verdict
             latest = (last.number, _diagnose(experiment, rounds))
-        spent = sum(_minutes(one) for one in rounds)
-        if (ended := budget_spent(len(rounds), spent, experiment.settings)) is not None:
-            return ended
-        done = [one.read_recording().protocol for one in rounds]
+        done = [one.read_recording() for one in rounds]
         left = experiment.settings.minutes - spent
-        choice = experiment.planner.next(_measurement(experiment), latest[1], done, left)
+        met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
+        choice = experiment.planner.next(_measurement(experiment), latest[1], done, left, met)
+        if holds and choice.protocol is None:
+            last.write("end", {"why": choice.why})
+            continue
         if choice.protocol is None or not choice.splits:
             return nothing_to_tell(choice.purpose == "decide", verdicts[-1])
         _plan(experiment, choice, "chosen")
+
+
+def exposed_since(rounds: Sequence[RoundFolder], held: int) -> frozenset[str]:
+    """Return the effects that complete runs would have shown beside a verdict since it was first reached."""
+    judged = [one for one in rounds if one.read("verdict") is not None]
+    since = [one for one in judged[len(judged) - held + 1 :] if _is_complete(one)]
+    return frozenset(kind for one in since for kind in (one.read("plan") or {}).get("exposes", ()))
 
 
 def recover(folder: ExperimentFolder) -> None:
@@ -144,6 +172,7 @@ def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
         "why": choice.why,
         "expected_nats": choice.expected_nats if kind == "chosen" else None,
         "purpose": choice.purpose,
+        "exposes": choice.exposes,
         "minutes": choice.minutes,
         "specimen": str(specimen + choice.protocol.new_specimen),
         "setting": experiment.settings.standing | setting(rounds),
@@ -254,10 +283,15 @@ def _stopped(recordings: Sequence[BenchRecording]) -> Ended | None:
     return None
 
 
+def _is_complete(folder: RoundFolder) -> bool:
+    return (folder.read("recording") or {}).get("ending") == "complete"
+
+
 def _is_complete_repeat(folder: RoundFolder) -> bool:
-    plan, recording = folder.read("plan") or {}, folder.read("recording") or {}
-    return plan.get("kind") == "repeat" and recording.get("ending") == "complete"
+    return (folder.read("plan") or {}).get("kind") == "repeat" and _is_complete(folder)
 
 
-def _minutes(folder: RoundFolder) -> float:
-    return float((folder.read("plan") or {})["minutes"])
+def run_minutes(folder: RoundFolder) -> float:
+    """Return the minutes of bench time that a run took, or is planned to take."""
+    recording = folder.read("recording") or {}
+    return float(recording.get("minutes", (folder.read("plan") or {})["minutes"]))

@@ -61,8 +61,9 @@ class TerminalView(View):
         self._clear()
         late = f", {plural(len(recording['late']), 'late sample')}" if recording["late"] else ""
         self._session.say(f"  {plural(recording['samples'], 'sample')} recorded{late}")
-        if recording["reason"]:
+        if recording["ending"] != "complete":
             self._session.say(f"  {recording['ending']}: {recording['reason']}")
+            self._session.say(f"  {recording['words']}")
 
     def diagnosing(self, hypothesis: str) -> None:
         """Rewrite the live line."""
