@@ -50,7 +50,7 @@ class KillingView(View):
         if self.events >= self.last:
             raise KeyboardInterrupt
 
-    planned = sample = recorded = diagnosing = diagnosed = _count
+    planned = sample = recorded = fitting = diagnosed = _count
 
 
 def loop(folder: Path, path: Path, view: View | None = None) -> tuple[Any, ExperimentFolder]:

@@ -35,9 +35,12 @@ def dry_run_document(
     planner: TellingPlanner,
     inputs: Sequence[str],
     kinds: Sequence[str],
+    assumed: Sequence[str],
     workers: Workers,
 ) -> Document:
     """Return the next run of an experiment with its expected motion, after the runs that are on disk.
+
+    `assumed` says which orientation and gravity the motion is expected for.
 
     Raises:
         UserError: the run exceeds a limit of the bench.
@@ -69,8 +72,8 @@ def dry_run_document(
                 if np.isfinite(v).any()
             },
         },
-        brief=(corners, *([f"conditions: {', '.join(asked)}"] if asked else [])),
-        draw=partial(_drawn, protocol, channels, expected, corners),
+        brief=(*assumed, corners, *([f"conditions: {', '.join(asked)}"] if asked else [])),
+        draw=partial(_drawn, protocol, channels, expected, corners, assumed),
         footer="The limits of the study and of the driver are checked again before every sample",
     )
 
@@ -125,7 +128,11 @@ def corner_table(protocol: BenchProtocol) -> Table:
 
 
 def _drawn(
-    protocol: BenchProtocol, channels: Sequence[BenchChannel], expected: Expectation, corners: Table
+    protocol: BenchProtocol,
+    channels: Sequence[BenchChannel],
+    expected: Expectation,
+    corners: Table,
+    assumed: Sequence[str],
 ) -> Drawn:
     return drawn(
         picture(
@@ -133,7 +140,7 @@ def _drawn(
             "Commands with their limits, and the expected readings ± 2 sd.",
             chart(protocol, channels, expected),
         ),
-        section("The protocol", corners, open=True),
+        section("The protocol", corners, text=assumed, open=True),
     )
 
 

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import listed, output_unit, plural, whole_percent
-from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
+from pliant.records.design import Array
+from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, ChartRule, Panel
 from pliant.report.chart_colours import INK, SERIES
 from pliant.report.document import (
     Column,
     Document,
     Drawn,
+    Picture,
+    Section,
+    Table,
     Warned,
     as_json,
     brief_table,
@@ -24,11 +28,19 @@ from pliant.report.document import (
     picture,
     section,
 )
+from pliant_bench.loop.compared import ModelBand, fall_of_error, read_bands
 from pliant_bench.loop.decision import Ended
 from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns
+from pliant_bench.loop.improving import ImprovedStudy
 from pliant_bench.loop.terminal import bits
 
 NOTHING = "nothing missing"
+# The study's model as it is, and with the explanation.
+MODEL_COLOURS = (SERIES[1], SERIES[0])
+PREDICTED = (
+    "Readings, and what the study's model reads with and without the explanation of the last diagnosis. Bands: two "
+    "standard deviations, of the noise and, with the explanation, of its parameters. Below: what each model misses."
+)
 MOST_HYPOTHESES, MOST_RUNS, MOST_POINTS = 6, 12, 400
 
 
@@ -92,9 +104,9 @@ def hypothesis(kinds: Sequence[str]) -> str:
 
 
 def experiment_document(
-    title: str, folder: ExperimentFolder, ended: Ended, minutes: float, improved: str | None
+    title: str, folder: ExperimentFolder, ended: Ended, minutes: float, improved: ImprovedStudy | None
 ) -> Document:
-    """Return the document of an experiment that has ended; `improved` is the file of the better study, if any."""
+    """Return the document of an experiment that has ended; `improved` is the better study, if one was asked for."""
     stories = [RunStory.from_folder(one) for one in folder.rounds() if one.is_recorded]
     last = next((s.verdict for s in reversed(stories) if s.verdict is not None), None)
     verdict = "No verdict was reached." if last is None else last["sentence"]
@@ -118,7 +130,8 @@ def experiment_document(
             "rmse_over_floor": None if last is None else _leading(last).get("rmse_over_floor"),
             "runs": [as_json((*WORDS, *NUMBERS), story) for story in stories],
             "recordings": [str(path) for path in folder.recordings()],
-            "improved_study": improved,
+            "improved_study": None if improved is None or improved.path is None else str(improved.path),
+            "improved": None if improved is None else improved.json(),
         },
         brief=(brief_table(NUMBERS, stories),),
         warnings=tuple(
@@ -129,10 +142,11 @@ def experiment_document(
             verdict,
             *([] if last is None else _numbers(last)),
             end,
-            *([f"improved study {improved}"] if improved else []),
+            *(improved.sentences if improved else ()),
+            *([f"improved study {improved.path}"] if improved and improved.path else []),
             f"recordings {folder.path}/run_*/recording_*.csv",
         ),
-        draw=partial(_drawn, stories, folder),
+        draw=partial(_drawn, stories, folder, improved),
         footer=f"Recordings: {listed([p.parent.name for p in folder.recordings()])} in {folder.path}",
     )
 
@@ -159,13 +173,15 @@ def _numbers(verdict: Mapping[str, Any]) -> list[str]:
     return said
 
 
-def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:
+def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder, improved: ImprovedStudy | None) -> Drawn:
     rounds = [one for one in folder.rounds() if one.recording.exists()]
-    outputs = _outputs(rounds)
+    chances = picture(
+        "probabilities", "Probability of the explanations after each run.", probability_chart(stories)
+    )
     return drawn(
-        picture(
-            "probabilities", "Probability of the explanations after each run.", probability_chart(stories)
-        ),
+        _effect_picture(rounds),
+        section("Probabilities", chances, open=True),
+        _improved_section(improved),
         section(
             "Run by run",
             page_table("What was done", WORDS, stories, numeric=9),
@@ -180,17 +196,29 @@ def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:
         ),
         *(
             section(
-                f"Expected and measured: {output_unit(name).label}",
-                picture(
-                    f"runs_{name}",
-                    "Readings while each run went on, and what was expected before it: the line of the most probable "
-                    "explanation with two standard deviations.",
-                    runs_chart(rounds[-MOST_RUNS:], name),
-                ),
+                f"Predicted and measured: {output_unit(name).label}",
+                picture(f"runs_{name}", PREDICTED, runs_chart(rounds[-MOST_RUNS:], name)),
             )
-            for name in outputs
+            for name in _outputs(rounds)
         ),
     )
+
+
+def _effect_picture(rounds: Sequence[RoundFolder]) -> Picture | None:
+    """Return the run and the output in which the explanation lowers the error most."""
+    falls = {(k, name): fall for k, one in enumerate(rounds) for name, fall in fall_of_error(one).items()}
+    if not falls:
+        return None
+    k, name = max(falls, key=lambda key: falls[key])
+    return picture("effect", PREDICTED, runs_chart([rounds[k]], name))
+
+
+def _improved_section(improved: ImprovedStudy | None) -> Section | None:
+    if improved is None:
+        return None
+    rows = [[one.name, "yes" if one.in_verdict else "no", one.why] for one in improved.added]
+    table = Table("What it adds", ["block", "named by the verdict", "why"], rows)
+    return Section("The improved study", (), (table,) if rows else (), "", improved.sentences, True)
 
 
 def probability_chart(stories: Sequence[RunStory]) -> Chart | None:
@@ -222,30 +250,47 @@ def probability_chart(stories: Sequence[RunStory]) -> Chart | None:
 
 
 def runs_chart(rounds: Sequence[RoundFolder], output: str) -> Chart | None:
-    """Return per run the readings of an output over time, and what was expected."""
-    unit, panels = output_unit(output), []
+    """Return per run the readings of an output with the band of each model, and below what each model misses."""
+    panels: list[Panel] = []
     for one in rounds:
-        samples, expected = read_columns(one.samples), one.read_expected()
+        samples, bands = read_columns(one.samples), read_bands(one).get(output, ())
         if output not in samples:
             continue
-        marks: list[Band | ChartLine] = []
-        if output in expected:
-            pick = _thin(len(expected["time_s"]))
-            clock, mean = expected["time_s"][pick], unit.factor * expected[output][pick]
-            wide = 2.0 * unit.factor * expected[f"{output} sd"][pick]
-            marks = [
-                Band("expected ± 2 sd", clock, mean - wide, mean + wide),
-                ChartLine("expected", clock, mean, "", SERIES[0], 1.2),
-            ]
-        pick = _thin(len(samples["read_s"]))
-        marks.append(
-            ChartLine(
-                "measured", samples["read_s"][pick], unit.factor * samples[output][pick], "", INK, 0.0, 2.5
-            )
-        )
-        name = (one.read("plan") or {})["name"]
-        panels.append(Panel(ChartAxis("time", "s"), ChartAxis(unit.label, unit.symbol), tuple(marks), name))
-    return Chart(tuple(panels), across=3, cell=(520, 380)) if panels else None
+        panels += _run_panels((one.read("plan") or {})["name"], samples, output, bands)
+    return Chart(tuple(panels), column=2, heights=(3.0, 2.0), across=3, cell=(560, 560)) if panels else None
+
+
+def _run_panels(
+    name: str, samples: Mapping[str, Array], output: str, bands: Sequence[ModelBand]
+) -> tuple[Panel, Panel]:
+    """Return the panel of the readings and the panel of the residuals of a run."""
+    unit, pick = output_unit(output), _thin(len(samples["read_s"]))
+    clock, measured = samples["read_s"][pick], samples[output][pick]
+    upper: list[Band | ChartLine] = []
+    lower: list[Band | ChartLine | ChartRule] = []
+    for model, colour in zip(bands, MODEL_COLOURS, strict=False):
+        upper += _model_marks(model, colour, unit.factor)
+        mean, sd = (np.interp(clock, model.time_s, values) for values in (model.mean, model.sd))
+        if np.isfinite(sd).any():
+            wide = 2.0 * unit.factor * sd
+            lower.append(Band(f"{model.name} ± 2 sd", clock, -wide, wide, "", f"{colour}2e"))
+        lower.append(ChartLine(model.name, clock, unit.factor * (measured - mean), "", colour, 0.0, 2.5))
+    upper.append(ChartLine("measured", clock, unit.factor * measured, "", INK, 0.0, 2.5))
+    lower.append(ChartRule(0.0))
+    time = ChartAxis("time", "s")
+    return (
+        Panel(time, ChartAxis(unit.label, unit.symbol), tuple(upper), name, linked=name),
+        Panel(time, ChartAxis("measured − model", unit.symbol), tuple(lower), linked=name),
+    )
+
+
+def _model_marks(model: ModelBand, colour: str, factor: float) -> list[Band | ChartLine]:
+    """Return a model's line, and its band where it has one."""
+    pick = _thin(len(model.time_s))
+    clock, mean, wide = model.time_s[pick], factor * model.mean[pick], 2.0 * factor * model.sd[pick]
+    band = [Band(f"{model.name} ± 2 sd", clock, mean - wide, mean + wide, "", f"{colour}2e")]
+    line = ChartLine(model.name, clock, mean, "", colour, 1.2)
+    return [*(band if np.isfinite(wide).any() else []), line]
 
 
 def _outputs(rounds: Sequence[RoundFolder]) -> list[str]:

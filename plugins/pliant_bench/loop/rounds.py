@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
@@ -20,6 +20,7 @@ from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.limits import check_protocol
+from pliant_bench.loop.compared import write_compared
 from pliant_bench.loop.decision import (
     Ended,
     budget_spent,
@@ -29,6 +30,7 @@ from pliant_bench.loop.decision import (
     verdict_holds,
 )
 from pliant_bench.loop.expectation import expect, expect_without_data
+from pliant_bench.loop.fit_progress import DIAGNOSING, FitProgress
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.information import obtained_nats
 from pliant_bench.loop.perform import STOP_BUTTON, perform, record_from_samples
@@ -39,6 +41,7 @@ from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
 
 # Runs that a watchdog may stop one after the other before the experiment ends.
 MOST_STOPPED = 3
+GOES_ON = "The same command goes on once the bench answers."
 # Seconds between two looks at the stop button while the specimen rests.
 REST_STEP_S = 0.2
 
@@ -81,6 +84,25 @@ class Experiment:
     view: View = field(default_factory=View)
     workers: Workers = None
 
+    def progress(
+        self, doing: str, earlier: Mapping[str, Any] | None = None, diagnoses: int = 1
+    ) -> FitProgress:
+        """Return the progress of a diagnosis or an improvement, which this experiment's view and folder show.
+
+        `earlier` is the verdict before it, whose number of fits and duration are expected again.
+        """
+        fits = 1 + len(self.kinds) if earlier is None else max(earlier["fits"], 1)
+        each_s = 0.0 if earlier is None else earlier["wall_s"] / fits
+        run, since = len(self.folder.rounds()), time.time()
+        self.folder.write_status(doing=doing, run=run, since=since)
+
+        def publish(progress: FitProgress) -> None:
+            self.view.fitting(progress)
+            if progress.is_due():
+                self.folder.write_status(doing=doing, run=run, since=since, **progress.status())
+
+        return FitProgress(doing, fits, diagnoses, each_s, publish)
+
     def watches(self, protocol: BenchProtocol, expected: Expectation, is_compared: bool) -> list[Watch]:
         """Return what looks at every sample of a run; a prediction is judged once the model was compared."""
         config = WatchdogConfig(
@@ -112,6 +134,10 @@ def run_rounds(experiment: Experiment) -> Ended:
             recordings.append(_perform(experiment, last, latest[1] if latest else None))
             if (ended := _stopped(recordings)) is not None:
                 return ended
+            if recordings[-1].ending == "lost":
+                if not _reconnected(experiment, last):
+                    return Ended("bench", f"{recordings[-1].reason} {GOES_ON}")
+                _plan_again(experiment, last)
             continue
         repeats = sum(_is_complete_repeat(one) for one in rounds)
         if repeats < experiment.settings.first_repeats:
@@ -199,7 +225,7 @@ def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis |
     if changes or protocol.new_specimen:
         experiment.person.set_conditions(changes, protocol.new_specimen)
     expected = _expected(experiment, protocol, asked, diagnosis)
-    folder.write_expected(expected.mean, expected.sd, protocol.time_s)
+    folder.write_expected(expected, protocol.time_s)
     _rest(experiment, folder)
     experiment.view.begins(protocol, expected)
     experiment.folder.write_status(doing="running", run=folder.number, since=time.time())
@@ -214,6 +240,23 @@ def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis |
     )
     experiment.view.recorded(folder, folder.read("recording") or {})
     return recording
+
+
+def _reconnected(experiment: Experiment, folder: RoundFolder) -> bool:
+    """Connect again after a lost connection; return whether the bench answers."""
+    experiment.folder.write_status(doing="reconnecting", run=folder.number, since=time.time())
+    experiment.view.reconnecting(folder)
+    return experiment.bench.reconnect()
+
+
+def _plan_again(experiment: Experiment, folder: RoundFolder) -> None:
+    """Plan the run that a lost connection cut short once more."""
+    plan = folder.read("plan") or {}
+    why = f"Run {folder.number} was cut short by a lost connection; it is repeated."
+    nats, minutes = plan["expected_nats"] or 0.0, plan["minutes"]
+    shown = tuple(plan.get("exposes", ()))
+    choice = Choice(folder.read_protocol(), plan["purpose"], why, nats, minutes, exposes=shown)
+    _plan(experiment, choice, plan["kind"])
 
 
 def _rest(experiment: Experiment, folder: RoundFolder) -> None:
@@ -243,16 +286,17 @@ def _expected(
 def _diagnose(experiment: Experiment, rounds: Sequence[RoundFolder]) -> Diagnosis:
     """Diagnose all recordings, and write the verdict unless it is there."""
     last = rounds[-1]
-    experiment.folder.write_status(doing="diagnosing", run=last.number, since=time.time())
+    earlier = next((one for f in reversed(rounds[:-1]) if (one := f.read("verdict")) is not None), None)
+    progress = experiment.progress(DIAGNOSING, earlier)
     diagnosis = api.diagnose(
         experiment.opened,
         _measurement(experiment),
         kinds=experiment.kinds,
-        tick=experiment.view.diagnosing,
+        tick=progress.tick,
         workers=experiment.workers,
     )
+    write_compared(diagnosis, rounds)
     if last.read("verdict") is None:
-        earlier = next((one for f in reversed(rounds[:-1]) if (one := f.read("verdict")) is not None), None)
         verdict = diagnosis_json(diagnosis)
         last.write(
             "verdict",
@@ -261,6 +305,7 @@ def _diagnose(experiment: Experiment, rounds: Sequence[RoundFolder]) -> Diagnosi
                 "sentence": diagnosis.judgement.sentence,
                 "obtained_nats": obtained_nats(earlier, verdict),
                 "wall_s": diagnosis.wall_s,
+                "fits": progress.done,
             },
         )
     experiment.view.diagnosed(last, last.read("verdict") or {})
@@ -272,14 +317,12 @@ def _measurement(experiment: Experiment) -> Measurement:
 
 
 def _stopped(recordings: Sequence[BenchRecording]) -> Ended | None:
-    """Return the end after the stop button, a lost connection, or several runs that were stopped in a row."""
+    """Return the end after the stop button, or after several runs in a row that were cut short."""
     if recordings[-1].reason == STOP_BUTTON:
         return Ended("stopped", STOP_BUTTON)
-    if recordings[-1].ending == "lost":
-        return Ended("bench", f"{recordings[-1].reason} The same command goes on once the bench answers.")
     last = recordings[-MOST_STOPPED:]
     if len(last) == MOST_STOPPED and all(one.ending != "complete" for one in last):
-        return Ended("bench", f"{MOST_STOPPED} runs were stopped one after the other: {last[-1].reason}")
+        return Ended("bench", f"{MOST_STOPPED} runs were cut short one after the other: {last[-1].reason}")
     return None
 
 
