@@ -32,7 +32,8 @@ TELLING = 0.5
 # A run shows an effect if it is expected to tell this share of the question whether it is missing, at even odds.
 SHOWN = 0.5 * math.log(2.0)
 # Minutes that a run is charged in the comparison beside its own, by purpose: a verdict on little data is less reliable
-# than its probability says, and a lone explanation should meet a run of many parts before it is believed.
+# than its probability says, and a lone explanation should meet a run of many parts before it is believed. A run to the
+# ends of ranges is charged as the first.
 PER_ROUND = {"decide": 1.0, "expose": 3.0}
 
 
@@ -176,7 +177,8 @@ class RunSearch:
         ]
         if not allowed:
             return None
-        view = self._view(allowed, PER_ROUND[asked.purpose])
+        purpose = "decide" if self.coverage.missing else asked.purpose
+        view = self._view(allowed, PER_ROUND[purpose])
         visits = self._visits(allowed[0].protocol)
         if asked.purpose == "expose":
             return self._most_exposing(allowed, view, asked, visits)

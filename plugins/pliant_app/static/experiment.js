@@ -28,7 +28,7 @@ function show(state) {
   const last = state.runs[state.runs.length - 1], status = state.status || {};
   $("title").textContent = last ? last.name : "No run yet";
   $("why").textContent = last ? `${last.words}. ${last.why}` : "";
-  const words = {running: "The run goes on.", resting: "The specimen rests before the run.", diagnosing: "The recordings are being diagnosed.", improving: "The model is being improved with all recordings.", reconnecting: "The connection was lost; it is being opened again.", ended: `The experiment has ended. ${status.sentence || ""}`};
+  const words = {running: "The run goes on.", resting: "The specimen rests before the run.", diagnosing: "The recordings are being diagnosed.", planning: "The next run is being chosen.", improving: "The model is being improved with all recordings.", reconnecting: "The connection was lost; it is being opened again.", ended: `The experiment has ended. ${status.sentence || ""}`};
   const done = [...state.runs].reverse().find(one => one.verdict);
   $("doing").textContent = `${state.stopping ? "Stopping. " : ""}${words[status.doing] || ""} ${done ? done.sentence : ""}`;
   $("fits").textContent = status.words ? `${status.words}.` : "";
@@ -61,7 +61,7 @@ function draw(name, now) {
   const axis = now.axes[name] || {label: name, unit: ""}, shown = now.inputs.includes(name) ? [] : kept.models[name] || [];
   const label = axis.unit ? `${axis.label} (${axis.unit})` : axis.label, values = kept.series[name] || [];
   plot(name, joined(shown, kept.time, values), shown, {label, height: 230, now});
-  if (shown.length) plot(`${name} residual`, residuals(shown, kept.time, values), shown, {label: `measured − model${axis.unit ? ` (${axis.unit})` : ""}`, height: 150, now, is_residual: true});
+  if (shown.length) plot(`${name} residual`, residuals(shown, kept.time, values), shown, {label: `error${axis.unit ? ` (${axis.unit})` : ""}`, height: 190, now, is_residual: true});
 }
 
 // Columns: time, measured, then of each model its mean (of a residual: what it misses), low and high.

@@ -39,7 +39,8 @@ NOTHING = "nothing missing"
 MODEL_COLOURS = (SERIES[1], SERIES[0])
 PREDICTED = (
     "Readings, and what the study's model reads with and without the explanation of the last diagnosis. Bands: two "
-    "standard deviations, of the noise and, with the explanation, of its parameters. Below: what each model misses."
+    "standard deviations, of the noise and, with the explanation, of its parameters. Below: the errors, measured minus "
+    "model."
 )
 MOST_HYPOTHESES, MOST_RUNS, MOST_POINTS = 6, 12, 400
 
@@ -280,7 +281,7 @@ def _run_panels(
     time = ChartAxis("time", "s")
     return (
         Panel(time, ChartAxis(unit.label, unit.symbol), tuple(upper), name, linked=name),
-        Panel(time, ChartAxis("measured − model", unit.symbol), tuple(lower), linked=name),
+        Panel(time, ChartAxis("error", unit.symbol), tuple(lower), linked=name),
     )
 
 

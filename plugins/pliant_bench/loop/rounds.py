@@ -158,6 +158,7 @@ def run_rounds(experiment: Experiment) -> Ended:
         done = [one.read_recording() for one in rounds]
         left = experiment.settings.minutes - spent
         met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
+        experiment.folder.write_status(doing="planning", run=last.number, since=time.time())
         choice = experiment.planner.next(_measurement(experiment), latest[1], done, left, met)
         if holds and choice.protocol is None:
             last.write("end", {"why": choice.why})
