@@ -43,7 +43,7 @@ def test_a_stated_orientation_is_said(tmp_path: Path, base: str, words: str) -> 
 
 def test_no_gravity_and_what_stands_now(tmp_path: Path) -> None:
     found = said(tmp_path, ", gravity: [0, 0, 0]", payload_kg=0.02)
-    assert "no gravity" in found[0] and found[2] == "Set now: payload = 20 g."
+    assert "no gravity" in found[0] and found[1:] == ("Set now: payload = 20 g.",)
 
 
 def test_an_oblique_direction_is_a_vector() -> None:

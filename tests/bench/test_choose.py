@@ -120,8 +120,28 @@ def test_that_nothing_is_missing_is_earned_by_the_run_that_shows_most(
     asked = exposing(diagnosis, lab.opened.context.registry)
     assert all(len(belief.contenders) <= 8 and () in belief.contenders for belief in asked.beliefs)
     assert len(asked.contenders) > 15
-    least = next(iter(kinds for kinds in asked.contenders if kinds))
-    assert set(least) & set(diagnosis.not_excited)  # what the runs could not show comes first
+    second = next(kinds for kinds in diagnosis.judgement.probability if kinds not in ((), ("unknown",)))
+    others = [kinds for kinds in asked.contenders if kinds and kinds != second]
+    assert set(others[0]) & set(diagnosis.not_excited)  # then what the runs could not show
+
+
+def test_a_verdict_meets_each_rival_once(clean: tuple[Laboratory, Diagnosis]) -> None:
+    lab, diagnosis = clean
+    choice = lab.choose(diagnosis, met=())
+    assert choice.protocol is not None and choice.purpose == "expose" and choice.exposes
+    registry = lab.opened.context.registry
+    left = exposing(diagnosis, registry, choice.exposes).contenders
+    assert not {kind for kinds in left for kind in kinds} & set(choice.exposes)
+    every = {kind for kinds in diagnosis.fits for kind in kinds}
+    none = lab.choose(diagnosis, met=every)
+    assert none.protocol is None and none.why == "No allowed run would show a further effect of the list."
+
+
+def test_the_second_explanation_is_the_first_rival(clean: tuple[Laboratory, Diagnosis]) -> None:
+    lab, diagnosis = clean
+    second = next(kinds for kinds in diagnosis.judgement.probability if kinds not in ((), ("unknown",)))
+    first = exposing(diagnosis, lab.opened.context.registry).beliefs[0].contenders
+    assert set(second) & {kind for kinds in first for kind in kinds}
 
 
 def test_a_person_is_charged_and_the_choice_says_what_to_set(clean: tuple[Laboratory, Diagnosis]) -> None:

@@ -26,6 +26,11 @@ def assumptions(opened: api.OpenStudy, standing: Mapping[str, float]) -> tuple[s
         return ("Gravity and orientation are those of the study's own model.", *set_now)
     chain = build_study_chain(opened.context, opened.study).chain
     given = set() if opened.study.chain is None else opened.study.chain.model_fields_set
+    if not np.any(chain.gravity_m_s2):
+        return (
+            "The model assumes no gravity (chain: gravity is 0), so that its orientation makes no difference.",
+            *set_now,
+        )
     return (_gravity(chain, "gravity_m_s2" in given), _orientation(chain, "base" in given), *set_now)
 
 
@@ -53,10 +58,8 @@ def _orientation(chain: ChainModel, is_stated: bool) -> str:
 
 
 def _posture(along: Array, gravity: Array) -> str:
-    size = float(np.linalg.norm(gravity))
-    if not size:
-        return "is drawn"
-    degrees = float(np.degrees(np.arccos(np.clip(along @ gravity / size, -1.0, 1.0))))
+    cosine = float(along @ gravity / np.linalg.norm(gravity))
+    degrees = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     for at, words_there in ((0.0, "hangs straight down"), (90.0, "lies level"), (180.0, "stands upright")):
         if abs(degrees - at) < SAME_DEGREES:
             return words_there
