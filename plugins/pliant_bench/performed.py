@@ -41,7 +41,9 @@ def performed_words(recording: BenchRecording) -> str:
     moved: list[tuple[str, list[float]]] = []
     still: list[tuple[str, list[float]]] = []
     for name, values in recording.commands.items():
-        levels = turning_levels(values[was_set], SLACK * max(float(np.ptp(planned.commands[name])), 1e-12))
+        levels = turning_levels(
+            values[was_set], SLACK * max(float(np.ptp(planned.commands.get(name, values))), 1e-12)
+        )
         (moved if len(levels) > 1 else still).append((name, levels))
     said = [f"{name} went {_path(levels, si_unit(name))}" for name, levels in moved]
     said += [f"{name} stayed at {quantity(levels[0], si_unit(name), 3)}" for name, levels in still]

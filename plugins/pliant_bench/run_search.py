@@ -162,6 +162,11 @@ class RunSearch:
             for one in self.done
         )
 
+    def _is_idle(self, protocol: BenchProtocol) -> bool:
+        """Return whether nothing moves, in a setting in which the beginnings of earlier runs were at rest already."""
+        still = all(np.ptp(values) == 0.0 for values in protocol.commands.values())
+        return still and any(dict(one.conditions) == dict(protocol.conditions) for one in self.done)
+
     def _minutes(self, protocol: BenchProtocol) -> float:
         return self.settings.set_up_minutes + protocol.duration_s / 60.0
 
@@ -174,6 +179,7 @@ class RunSearch:
             one
             for one in candidates
             if self._minutes(one.protocol) + self._visits(one.protocol) <= self.minutes_left
+            and not self._is_idle(one.protocol)
         ]
         if not allowed:
             return None

@@ -22,6 +22,8 @@ from pliant_bench.drivers.simulated import SimulatedBench, SimulatedBenchConfig
 from pliant_bench.limits import check_protocol
 from pliant_bench.loop.information import obtained_nats
 from pliant_bench.plans import measured_run, measurement
+from pliant_bench.protocol_space import ProtocolSpace
+from pliant_bench.run_search import RunSearch
 
 PRESSURE = {"pressure_pa": {"high": "15 kPa", "rate": "20 kPa/s", "acceleration": "100 kPa/s^2"}}
 LOAD = {"moment_n_m": {"low": "-4 mN*m", "high": "4 mN*m", "rate": 0.008}}
@@ -155,6 +157,21 @@ def test_a_person_is_charged_and_the_choice_says_what_to_set(clean: tuple[Labora
     assert all(run.conditions == choice.protocol.conditions for run in choice.then)
     near = lab.choose(diagnosis, minutes_left=2.0)  # too short for a visit
     assert not near.to_set and near.minutes <= 2.0
+
+
+def test_a_run_at_rest_is_no_candidate_in_a_setting_that_was_measured(
+    clean: tuple[Laboratory, Diagnosis],
+) -> None:
+    lab, diagnosis = clean
+    space = ProtocolSpace.from_settings(lab.settings, lab.bench.inputs)
+    model = api.predictor(lab.opened, lab.data)
+    standing = lab.done[0].conditions
+    search = RunSearch(model, diagnosis, space, lab.settings, lab.done, standing, 60.0)
+    still = {name: np.zeros(3) for name in lab.done[0].commands}
+    here, turned = (
+        BenchProtocol("r", "rest", np.arange(3.0), still, {"base_pitch_rad": angle}) for angle in (0.0, 1.5)
+    )
+    assert search._is_idle(here) and not search._is_idle(turned) and not search._is_idle(lab.done[0])
 
 
 def test_no_run_fits_into_no_time(clean: tuple[Laboratory, Diagnosis]) -> None:

@@ -45,7 +45,7 @@ def rounds_held(verdicts: Sequence[Mapping[str, Any]]) -> int:
 
 def verdict_holds(verdicts: Sequence[Mapping[str, Any]], settings: ExperimentConfig) -> bool:
     """Return whether a cause has been named for as many rounds as the study asks."""
-    return rounds_held(verdicts) >= settings.rounds and verdicts[-1]["verdict"] in FINAL
+    return bool(verdicts) and rounds_held(verdicts) >= settings.rounds and verdicts[-1]["verdict"] in FINAL
 
 
 def verdict_ends(verdicts: Sequence[Mapping[str, Any]], why: str) -> Ended:

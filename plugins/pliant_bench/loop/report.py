@@ -136,8 +136,7 @@ def experiment_document(
         },
         brief=(brief_table(NUMBERS, stories),),
         warnings=tuple(
-            Warned(f"Run {s.number} was not complete ({s.recording['ending']}): {s.recording['reason']}")
-            for s in stopped
+            Warned(f"Run {s.number} was {s.recording['words']}. {s.recording['reason']}") for s in stopped
         ),
         closing=(
             verdict,
@@ -218,7 +217,7 @@ def _improved_section(improved: ImprovedStudy | None) -> Section | None:
     if improved is None:
         return None
     rows = [[one.name, "yes" if one.in_verdict else "no", one.why] for one in improved.added]
-    table = Table("What it adds", ["block", "named by the verdict", "why"], rows)
+    table = Table("What it adds", ["block", "named by the verdict", "why"], rows, numeric=3)
     return Section("The improved study", (), (table,) if rows else (), "", improved.sentences, True)
 
 
