@@ -62,6 +62,8 @@ def test_a_stand_in_of_the_class_is_of_the_verdict() -> None:
 def test_a_law_that_is_off_is_of_its_verdict_and_a_learned_curve_of_none() -> None:
     learned = TakenStep(("learned",), "learned", learned=object())
     assert blocks(verdict("law_off", ()), LAW) == [("the law's own error", True)]
+    either = verdict("ambiguous", (), selected_class=["law", "stiffness"])
+    assert blocks(either, LAW) == [("the law's own error", True)]
     assert blocks(verdict("unknown_effect", ()), learned) == [("learned", False)]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from pliant import api
 from pliant.cli.session import Session
+from pliant.diagnosis.evidence_table import LAW
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.steps import Improvement, Step
@@ -136,7 +137,7 @@ def added_blocks(steps: Improvement, verdict: Mapping[str, Any]) -> tuple[AddedB
 def is_of(step: Step, verdict: Mapping[str, Any]) -> bool:
     """Return whether the verdict names what a step adds: the effect, its class, or the law's own error."""
     if step.cause == "law":
-        return bool(verdict["verdict"] == "law_off")
+        return verdict["verdict"] == "law_off" or LAW in verdict["selected_class"]
     if step.learned is not None:
         return False
     known = {*verdict["selected"], *verdict.get("selected_class", ()), *verdict.get("beside_class", ())}
