@@ -243,7 +243,8 @@ class RunSearch:
             runs.append(planned_from_protocol(protocol, inputs, per_round + self._minutes(protocol), body))
         scales, independent = self.diagnosis.scales, self.diagnosis.noise.n_effective
         slow = seconds_per_reading(measured, len(scales), independent)
-        return CatalogueView.from_predictor(self.model, runs, scales, slow)
+        view = CatalogueView.from_predictor(self.model, runs, scales, slow)
+        return view.with_law_error(self.diagnosis.law)
 
     def _refined(
         self, start: _Sequence, asked: Question, effort: SearchEffort, rng: np.random.Generator
