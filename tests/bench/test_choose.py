@@ -23,7 +23,7 @@ from pliant_bench.limits import check_protocol
 from pliant_bench.loop.information import obtained_nats
 from pliant_bench.plans import measured_run, measurement
 from pliant_bench.protocol_space import ProtocolSpace
-from pliant_bench.run_search import RunSearch
+from pliant_bench.run_search import RunSearch, _Candidate
 
 PRESSURE = {"pressure_pa": {"high": "15 kPa", "rate": "20 kPa/s", "acceleration": "100 kPa/s^2"}}
 LOAD = {"moment_n_m": {"low": "-4 mN*m", "high": "4 mN*m", "rate": 0.008}}
@@ -159,7 +159,7 @@ def test_a_person_is_charged_and_the_choice_says_what_to_set(clean: tuple[Labora
     assert not near.to_set and near.minutes <= 2.0
 
 
-def test_a_run_at_rest_is_no_candidate_in_a_setting_that_was_measured(
+def test_a_run_at_rest_is_no_candidate_where_others_rested_and_the_law_may_be_off_in_all_others(
     clean: tuple[Laboratory, Diagnosis],
 ) -> None:
     lab, diagnosis = clean
@@ -171,6 +171,9 @@ def test_a_run_at_rest_is_no_candidate_in_a_setting_that_was_measured(
     here, turned = (
         BenchProtocol("r", "rest", np.arange(3.0), still, {"base_pitch_rad": angle}) for angle in (0.0, 1.5)
     )
+    view = search._view([_Candidate(lab.done[0], None)], 1.0)
+    assert diagnosis.law is not None and view.law_columns.shape[1] == len(diagnosis.law.basis)
+    assert np.abs(view.law_columns).max() > 0.0
     assert search._is_idle(here) and not search._is_idle(turned) and not search._is_idle(lab.done[0])
 
 
