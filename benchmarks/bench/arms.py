@@ -14,8 +14,8 @@ from pliant.records.measurement import Measurement
 from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
+from pliant_bench.loop.experiment import Planner
 from pliant_bench.loop.planner import first_repeat
-from pliant_bench.loop.rounds import Planner
 from pliant_bench.protocol_space import ProtocolSpace, changed
 
 ARMS = ("chosen", "random", "rich")

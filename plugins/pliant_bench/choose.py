@@ -13,12 +13,13 @@ from pliant.diagnosis.verdict import named
 from pliant.records.measurement import Measurement
 from pliant_bench.beliefs import FINAL, Question, exposing, is_poor, question
 from pliant_bench.bench import BenchChannel, BenchProtocol
+from pliant_bench.choice import Choice, SearchEffort
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.coverage import COVERED_ALL, Coverage
 from pliant_bench.motions import Move, sampled_path
 from pliant_bench.plans import CONDITIONS, VALVE
 from pliant_bench.protocol_space import STILL_S, ProtocolSpace
-from pliant_bench.run_search import Choice, RunSearch, SearchEffort
+from pliant_bench.run_search import RunSearch
 
 NO_FURTHER = "No allowed run would show a further effect of the list."
 __all__ = ["Choice", "SearchEffort", "choose_next", "first_runs"]

@@ -26,13 +26,14 @@ from pliant_bench.config import ExperimentConfig
 from pliant_bench.loop.assumptions import assumptions
 from pliant_bench.loop.decision import Ended
 from pliant_bench.loop.dry_run import dry_run_document
+from pliant_bench.loop.experiment import Experiment
 from pliant_bench.loop.fit_progress import IMPROVING
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.improving import IMPROVABLE, improve_study
 from pliant_bench.loop.person import Nobody, Person, words
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
 from pliant_bench.loop.report import experiment_document
-from pliant_bench.loop.rounds import Experiment, run_minutes, run_rounds
+from pliant_bench.loop.rounds import run_minutes, run_rounds
 from pliant_bench.loop.terminal import TerminalPerson, TerminalView
 
 Yes = Annotated[

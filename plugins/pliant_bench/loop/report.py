@@ -7,12 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from pliant.formatting import listed, output_unit, plural, whole_percent
-from pliant.records.design import Array
-from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, ChartRule, Panel
-from pliant.report.chart_colours import INK, SERIES
 from pliant.report.document import (
     Column,
     Document,
@@ -28,21 +23,19 @@ from pliant.report.document import (
     picture,
     section,
 )
-from pliant_bench.loop.compared import ModelBand, fall_of_error, read_bands
+from pliant_bench.loop.compared import fall_of_error
 from pliant_bench.loop.decision import Ended
-from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns
+from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.improving import ImprovedStudy
+from pliant_bench.loop.report_charts import hypothesis, probability_chart, read_outputs, runs_chart
 from pliant_bench.loop.terminal import bits
 
-NOTHING = "nothing missing"
-# The study's model as it is, and with the explanation.
-MODEL_COLOURS = (SERIES[1], SERIES[0])
 PREDICTED = (
     "Readings, and what the study's model reads with and without the explanation of the last diagnosis. Bands: two "
     "standard deviations, of the noise and, with the explanation, of its parameters. Below: the errors, measured minus "
     "model."
 )
-MOST_HYPOTHESES, MOST_RUNS, MOST_POINTS = 6, 12, 400
+MOST_RUNS = 12
 
 
 @dataclass(frozen=True)
@@ -97,11 +90,6 @@ NUMBERS: tuple[Column[RunStory], ...] = (
     Column("recording.samples", "samples"),
     Column("recording.late", "late"),
 )
-
-
-def hypothesis(kinds: Sequence[str]) -> str:
-    """Return the name of an explanation."""
-    return " + ".join(kinds) or NOTHING
 
 
 def experiment_document(
@@ -175,8 +163,9 @@ def _numbers(verdict: Mapping[str, Any]) -> list[str]:
 
 def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder, improved: ImprovedStudy | None) -> Drawn:
     rounds = [one for one in folder.rounds() if one.recording.exists()]
+    verdicts = {story.number: story.verdict for story in stories if story.verdict is not None}
     chances = picture(
-        "probabilities", "Probability of the explanations after each run.", probability_chart(stories)
+        "probabilities", "Probability of the explanations after each run.", probability_chart(verdicts)
     )
     return drawn(
         _effect_picture(rounds),
@@ -199,7 +188,7 @@ def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder, improved: Impr
                 f"Predicted and measured: {output_unit(name).label}",
                 picture(f"runs_{name}", PREDICTED, runs_chart(rounds[-MOST_RUNS:], name)),
             )
-            for name in _outputs(rounds)
+            for name in read_outputs(rounds)
         ),
     )
 
@@ -219,88 +208,3 @@ def _improved_section(improved: ImprovedStudy | None) -> Section | None:
     rows = [[one.name, "yes" if one.in_verdict else "no", one.why] for one in improved.added]
     table = Table("What it adds", ["block", "named by the verdict", "why"], rows, numeric=3)
     return Section("The improved study", (), (table,) if rows else (), "", improved.sentences, True)
-
-
-def probability_chart(stories: Sequence[RunStory]) -> Chart | None:
-    """Return the probabilities of the explanations over the runs."""
-    judged = [s for s in stories if s.verdict is not None]
-    if not judged:
-        return None
-    tables = [
-        {hypothesis(h["kinds"]): float(h["probability"]) for h in (s.verdict or {})["hypotheses"]}
-        for s in judged
-    ]
-    best = {name: max(t.get(name, 0.0) for t in tables) for table in tables for name in table}
-    names = sorted(best, key=lambda name: -best[name])[:MOST_HYPOTHESES]
-    x = np.array([float(s.number) for s in judged])
-    lines = tuple(
-        ChartLine(
-            name,
-            x,
-            100.0 * np.array([t.get(name, 0.0) for t in tables]),
-            "",
-            SERIES[k % len(SERIES)],
-            1.8,
-            6.0,
-        )
-        for k, name in enumerate(names)
-    )
-    axis = ChartAxis("probability", "%", ends=(-2.0, 102.0))
-    return Chart((Panel(ChartAxis("run"), axis, lines),), cell=(1200, 520))
-
-
-def runs_chart(rounds: Sequence[RoundFolder], output: str) -> Chart | None:
-    """Return per run the readings of an output with the band of each model, and below what each model misses."""
-    panels: list[Panel] = []
-    for one in rounds:
-        samples, bands = read_columns(one.samples), read_bands(one).get(output, ())
-        if output not in samples:
-            continue
-        panels += _run_panels((one.read("plan") or {})["name"], samples, output, bands)
-    return Chart(tuple(panels), column=2, heights=(3.0, 2.0), across=3, cell=(560, 560)) if panels else None
-
-
-def _run_panels(
-    name: str, samples: Mapping[str, Array], output: str, bands: Sequence[ModelBand]
-) -> tuple[Panel, Panel]:
-    """Return the panel of the readings and the panel of the residuals of a run."""
-    unit, pick = output_unit(output), _thin(len(samples["read_s"]))
-    clock, measured = samples["read_s"][pick], samples[output][pick]
-    upper: list[Band | ChartLine] = []
-    lower: list[Band | ChartLine | ChartRule] = []
-    for model, colour in zip(bands, MODEL_COLOURS, strict=False):
-        upper += _model_marks(model, colour, unit.factor)
-        mean, sd = (np.interp(clock, model.time_s, values) for values in (model.mean, model.sd))
-        if np.isfinite(sd).any():
-            wide = 2.0 * unit.factor * sd
-            lower.append(Band(f"{model.name} ± 2 sd", clock, -wide, wide, "", f"{colour}2e"))
-        lower.append(ChartLine(model.name, clock, unit.factor * (measured - mean), "", colour, 0.0, 2.5))
-    upper.append(ChartLine("measured", clock, unit.factor * measured, "", INK, 0.0, 2.5))
-    lower.append(ChartRule(0.0))
-    time = ChartAxis("time", "s")
-    return (
-        Panel(time, ChartAxis(unit.label, unit.symbol), tuple(upper), name, linked=name),
-        Panel(time, ChartAxis("error", unit.symbol), tuple(lower), linked=name),
-    )
-
-
-def _model_marks(model: ModelBand, colour: str, factor: float) -> list[Band | ChartLine]:
-    """Return a model's line, and its band where it has one."""
-    pick = _thin(len(model.time_s))
-    clock, mean, wide = model.time_s[pick], factor * model.mean[pick], 2.0 * factor * model.sd[pick]
-    band = [Band(f"{model.name} ± 2 sd", clock, mean - wide, mean + wide, "", f"{colour}2e")]
-    line = ChartLine(model.name, clock, mean, "", colour, 1.2)
-    return [*(band if np.isfinite(wide).any() else []), line]
-
-
-def _outputs(rounds: Sequence[RoundFolder]) -> list[str]:
-    names: dict[str, None] = {}
-    for one in rounds:
-        inputs = one.read_protocol().commands
-        own = (*OWN_COLUMNS, *inputs)
-        names |= dict.fromkeys(name for name in read_columns(one.samples) if name not in own)
-    return list(names)
-
-
-def _thin(n: int) -> np.ndarray[Any, np.dtype[np.intp]]:
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.intp))

@@ -7,18 +7,15 @@ without a recording is recorded from its samples, or performed; a recording with
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.execution.executors import Workers
 from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_json
-from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
+from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.choose import Choice
-from pliant_bench.config import ExperimentConfig
 from pliant_bench.limits import check_protocol
 from pliant_bench.loop.compared import write_compared
 from pliant_bench.loop.decision import (
@@ -30,87 +27,21 @@ from pliant_bench.loop.decision import (
     verdict_holds,
 )
 from pliant_bench.loop.expectation import expect, expect_without_data
-from pliant_bench.loop.fit_progress import DIAGNOSING, FitProgress
+from pliant_bench.loop.experiment import Experiment
+from pliant_bench.loop.fit_progress import DIAGNOSING
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.information import obtained_nats
 from pliant_bench.loop.perform import STOP_BUTTON, perform, record_from_samples
-from pliant_bench.loop.person import Person
-from pliant_bench.loop.view import View
 from pliant_bench.plans import history_from_columns
-from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
+from pliant_bench.watchdog import Expectation
 
 # Runs that a watchdog may stop one after the other before the experiment ends.
 MOST_STOPPED = 3
+# A rival of a verdict has had its chance after so many runs that would have shown it; a single one may miss a weak one.
+ENOUGH_RUNS = 2
 GOES_ON = "The same command goes on once the bench answers."
 # Seconds between two looks at the stop button while the specimen rests.
 REST_STEP_S = 0.2
-
-
-class Planner(Protocol):
-    """Who chooses the runs."""
-
-    def repeat(self, number: int) -> Choice:
-        """Return a repeat of the first condition; `number` from 1."""
-        ...
-
-    def next(
-        self,
-        data: Measurement,
-        diagnosis: Diagnosis,
-        done: Sequence[BenchRecording],
-        minutes_left: float,
-        met: Collection[str] | None = None,
-    ) -> Choice:
-        """Return the run with the most expected information per minute; without a protocol where none helps.
-
-        `met` is given once a verdict holds: the effects that runs since then would have shown. The run returned is
-        then one that the verdict has still to meet.
-        """
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Experiment:
-    """What a loop works with; `inputs` are those of the model, `kinds` the candidates of the diagnoses."""
-
-    opened: api.OpenStudy
-    settings: ExperimentConfig
-    bench: Bench
-    folder: ExperimentFolder
-    inputs: Sequence[str]
-    kinds: Sequence[str]
-    planner: Planner
-    person: Person
-    view: View = field(default_factory=View)
-    workers: Workers = None
-
-    def progress(
-        self, doing: str, earlier: Mapping[str, Any] | None = None, diagnoses: int = 1
-    ) -> FitProgress:
-        """Return the progress of a diagnosis or an improvement, which this experiment's view and folder show.
-
-        `earlier` is the verdict before it, whose number of fits and duration are expected again.
-        """
-        fits = 1 + len(self.kinds) if earlier is None else max(earlier["fits"], 1)
-        each_s = 0.0 if earlier is None else earlier["wall_s"] / fits
-        run, since = len(self.folder.rounds()), time.time()
-        self.folder.write_status(doing=doing, run=run, since=since)
-
-        def publish(progress: FitProgress) -> None:
-            self.view.fitting(progress)
-            if progress.is_due():
-                self.folder.write_status(doing=doing, run=run, since=since, **progress.status())
-
-        return FitProgress(doing, fits, diagnoses, each_s, publish)
-
-    def watches(self, protocol: BenchProtocol, expected: Expectation, is_compared: bool) -> list[Watch]:
-        """Return what looks at every sample of a run; a prediction is judged once the model was compared."""
-        config = WatchdogConfig(
-            self.settings.silence_s,
-            {name: envelope.limits(name) for name, envelope in self.settings.outputs.items()},
-            self.settings.missed_prediction if is_compared else None,
-        )
-        return [self.view.sample, Watchdog(protocol, config, expected)]
 
 
 def run_rounds(experiment: Experiment) -> Ended:
@@ -169,10 +100,11 @@ def run_rounds(experiment: Experiment) -> Ended:
 
 
 def exposed_since(rounds: Sequence[RoundFolder], held: int) -> frozenset[str]:
-    """Return the effects that complete runs would have shown beside a verdict since it was first reached."""
+    """Return the effects that `ENOUGH_RUNS` complete runs would have shown beside a verdict since it was reached."""
     judged = [one for one in rounds if one.read("verdict") is not None]
     since = [one for one in judged[len(judged) - held + 1 :] if _is_complete(one)]
-    return frozenset(kind for one in since for kind in (one.read("plan") or {}).get("exposes", ()))
+    shown = Counter(kind for one in since for kind in (one.read("plan") or {}).get("exposes", ()))
+    return frozenset(kind for kind, count in shown.items() if count >= ENOUGH_RUNS)
 
 
 def recover(folder: ExperimentFolder) -> None:
