@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +11,11 @@ from benchmarks.evidence.protocols import protocol
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.records.measurement import Measurement
-from pliant_bench.bench import BenchProtocol
+from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
+from pliant_bench.loop.experiment import Planner
 from pliant_bench.loop.planner import first_repeat
-from pliant_bench.loop.rounds import Planner
 from pliant_bench.protocol_space import ProtocolSpace, changed
 
 ARMS = ("chosen", "random", "rich")
@@ -41,9 +41,16 @@ class UntilRight:
         return self.planner.repeat(number)
 
     def next(
-        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+        self,
+        data: Measurement,
+        diagnosis: Diagnosis,
+        done: Sequence[BenchRecording],
+        minutes_left: float,
+        met: Collection[str] | None = None,
     ) -> Choice:
         """Return the planner's next run, or none."""
+        if met is not None:  # a verdict holds
+            return Choice(None, "expose", "")
         self.held = self.held + 1 if self.is_right(diagnosis) else 0
         if self.held >= self.rounds:
             return Choice(None, "expose", "The verdict is right.")
@@ -62,12 +69,17 @@ class RandomRuns:
         return first_repeat(self.settings, self.bench)
 
     def next(
-        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+        self,
+        data: Measurement,
+        diagnosis: Diagnosis,
+        done: Sequence[BenchRecording],
+        minutes_left: float,
+        met: Collection[str] | None = None,
     ) -> Choice:
         """Return a random run."""
         space = ProtocolSpace.from_settings(self.settings, self.bench.inputs)
         rng = np.random.default_rng([self.bench.seed, len(done)])
-        standing = {name: done[-1].conditions[name] for name in self.settings.manual}
+        standing = {name: done[-1].protocol.conditions[name] for name in self.settings.manual}
         near = [one for one in space.settings if changed(one, standing) == 1]
         another = rng.uniform() < ANOTHER_SETTING and bool(near)
         setting = near[int(rng.integers(len(near)))] if another else standing
@@ -87,12 +99,17 @@ class RichRuns:
         return self._run(number, {})
 
     def next(
-        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
+        self,
+        data: Measurement,
+        diagnosis: Diagnosis,
+        done: Sequence[BenchRecording],
+        minutes_left: float,
+        met: Collection[str] | None = None,
     ) -> Choice:
         """Return the next run; none after the last."""
         if len(done) == len(protocol("rich", self.bench.robot)):
             return Choice(None, "expose", "The rich protocol is done.")
-        return self._run(len(done) + 1, dict(done[-1].conditions))
+        return self._run(len(done) + 1, dict(done[-1].protocol.conditions))
 
     def _run(self, number: int, standing: dict[str, float]) -> Choice:
         runs = rich_protocols(self.bench)

@@ -42,10 +42,11 @@ from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.report.diagnosis import diagnosis_json
 from pliant.store.store import write_atomically
+from pliant_bench.loop.experiment import Experiment, Planner
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
-from pliant_bench.loop.rounds import Experiment, Planner, run_rounds
+from pliant_bench.loop.rounds import run_rounds
 
 GROUPS = ("effect", "clean", "unknown", "pair")
 LEDGER = Path(__file__).with_name("ledger.jsonl")

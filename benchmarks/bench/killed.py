@@ -24,10 +24,11 @@ import numpy as np
 
 from pliant import api
 from pliant_bench.choose import SearchEffort
+from pliant_bench.loop.experiment import Experiment
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
-from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.rounds import run_rounds
 
 OUT = Path(__file__).parents[1] / "out" / "bench_killed.json"
 KINDS = ("viscous_damping", "sensor_scale", "friction_hysteresis")

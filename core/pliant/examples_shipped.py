@@ -11,6 +11,8 @@ EXAMPLES = {
     "hidden-effect": ("hidden_effect", ("finger.yaml", "bench.csv"), "compare"),
     "german-lab": ("hidden_effect", ("finger.yaml", "bench.csv"), "compare"),
     "solver-table": ("elsewhere", ("bellow.csv",), "fit"),
+    "experiment": ("experiment", ("finger.yaml", "truth.yaml"), "experiment"),
+    "emulated-bench": ("emulated_bench", ("finger.yaml",), "experiment"),
     "first-finger": ("first_finger", ("finger.yaml", "loaded.yaml"), "run"),
 }
 # Column of a measurement → its name in a German lab, and its unit there in one of ours.

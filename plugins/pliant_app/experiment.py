@@ -25,7 +25,11 @@ def experiment_folder(path: Path) -> ExperimentFolder:
 
 def reading(folder: ExperimentFolder) -> Answers:
     """Return the answers to the page's questions."""
-    return {"state": lambda v: live_state(folder, int(v.get("run", 0)), int(v.get("since", 0)))}
+    return {
+        "state": lambda v: live_state(
+            folder, int(v.get("run", 0)), int(v.get("since", 0)), int(v.get("models", -1))
+        )
+    }
 
 
 def writing(folder: ExperimentFolder) -> Answers:

@@ -2,12 +2,13 @@
 
 Where one explanation has no rival, the next run should be the one most likely to contradict it: the explanation alone
 competes with the explanation and one further effect of the list, each further effect at the parameters that the runs so
-far leave possible, those that they determine least first.
+far leave possible: those of the second most probable explanation first, then those that the runs determine least.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,12 +17,14 @@ import numpy as np
 from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.effect_fit import EffectFit
-from pliant.diagnosis.evidence_table import NOTHING, Kinds, sorted_kinds
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN, Kinds, sorted_kinds
 from pliant.diagnosis.next_run import MOST_CONTENDERS, Belief, information_matrix
 from pliant.registry.discovery import Registry
 
 # An explanation with less than this share of the largest probability is no rival.
 RIVAL = 0.05
+# A model predicts poorly if its error on runs left out is this many times the noise.
+POOR = 2.0
 # Probability of an explanation without a rival against all further effects together: even odds.
 SETTLED = 0.5
 # Groups of further effects, those that the runs so far determine least first.
@@ -49,20 +52,30 @@ class Question:
         return tuple(dict.fromkeys(kinds for belief in self.beliefs for kinds in belief.contenders))
 
 
-def question(diagnosis: Diagnosis, registry: Registry) -> Question:
-    """Return what the next run has to tell apart."""
+def question(diagnosis: Diagnosis, registry: Registry, met: Collection[str] = ()) -> Question:
+    """Return what the next run has to tell apart; `met` are further effects that a run would have shown."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
     shares = sorted((belief.probability[kinds] for kinds in belief.contenders), reverse=True)
     if diagnosis.verdict not in FINAL and len(shares) > 1 and shares[1] >= RIVAL * shares[0]:
         return Question("decide", (belief,))
-    return exposing(diagnosis, registry)
+    return exposing(diagnosis, registry, met)
 
 
-def exposing(diagnosis: Diagnosis, registry: Registry) -> Question:
-    """Return the question what the most probable explanation lacks: all single effects, in groups."""
+def is_poor(diagnosis: Diagnosis) -> bool:
+    """Return whether the model predicts so poorly that what it expects of other runs is worth little."""
+    if diagnosis.verdict in ("unknown_effect", "law_off"):
+        return True
+    ratio = diagnosis.left_out_ratio(diagnosis.explained)
+    return math.isfinite(ratio) and ratio > POOR
+
+
+def exposing(diagnosis: Diagnosis, registry: Registry, met: Collection[str] = ()) -> Question:
+    """Return the question what the most probable explanation lacks: single effects except `met`, in groups."""
     belief = Belief.from_fits(diagnosis.fits, diagnosis.judgement.probability, diagnosis.noise)
     base, size = diagnosis.explained, MOST_CONTENDERS - 1
-    singles = [kinds for kinds in _least_determined(diagnosis, belief) if not set(kinds) & set(base)]
+    second = next((kinds for kinds in belief.probability if kinds not in (base, UNKNOWN)), NOTHING)
+    order = sorted(_least_determined(diagnosis, belief), key=lambda kinds: not set(kinds) & set(second))
+    singles = [kinds for kinds in order if not set(kinds) & {*base, *met}]
     groups = [singles[k : k + size] for k in range(0, len(singles), size)]
     return Question(
         "expose", tuple(_against(diagnosis, belief, base, one, registry) for one in groups[:MOST_GROUPS])

@@ -229,6 +229,10 @@ class Bench(Configured[BenchConfig]):
             UserError: the run cannot be begun.
         """
 
+    def reconnect(self) -> bool:
+        """Connect again after a run that ended as `lost`; return whether the bench answers, vented."""
+        return False
+
     @abstractmethod
     def stop(self) -> None:
         """End the run and vent."""

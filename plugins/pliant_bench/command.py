@@ -19,25 +19,22 @@ from pliant.cli.options import (
     workers_or_scheduler,
 )
 from pliant.cli.session import Session, check_writable
-from pliant.config.study import Study
-from pliant.diagnosis.extension import write_extended_study
 from pliant.errors import UserError
-from pliant.execution.executors import Workers
 from pliant.formatting import listed, plural
-from pliant.report.extension import cited
-from pliant.report.improvement import origin, stands_for
 from pliant_bench.bench import Bench, ChannelCheck
 from pliant_bench.config import ExperimentConfig
+from pliant_bench.loop.assumptions import assumptions
 from pliant_bench.loop.decision import Ended
 from pliant_bench.loop.dry_run import dry_run_document
+from pliant_bench.loop.experiment import Experiment
+from pliant_bench.loop.fit_progress import IMPROVING
 from pliant_bench.loop.folder import ExperimentFolder
+from pliant_bench.loop.improving import IMPROVABLE, improve_study
 from pliant_bench.loop.person import Nobody, Person, words
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
 from pliant_bench.loop.report import experiment_document
-from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.rounds import run_minutes, run_rounds
 from pliant_bench.loop.terminal import TerminalPerson, TerminalView
-
-IMPROVABLE = ("missing_effect", "unknown_effect", "law_off", "ambiguous")
 
 Yes = Annotated[
     bool, typer.Option("--yes", help="Begin without a question; on hardware only with `unattended: true`.")
@@ -83,11 +80,15 @@ def experiment(
         bench.connect()
         planner = TellingPlanner(opened, _asked(settings, bench, person), bench)
         inputs = model_inputs(opened)
+        assumed = assumptions(opened, settings.standing)
+        session.result["assumed"] = assumed
         if dry_run:
             dry = folder.path / "dry-run"
             check_writable(dry)
-            session.show(dry_run_document(opened, folder, planner, inputs, kinds, who), dry)
+            session.show(dry_run_document(opened, folder, planner, inputs, kinds, assumed, who), dry)
             return
+        for sentence in assumed:
+            session.say(f"  {sentence}")
         resumed = folder.begin(
             {"study": loaded.name, "study_sha256": _digest(study), "bench": bench.config.kind}
         )
@@ -95,16 +96,17 @@ def experiment(
             session.say(f"{folder.path}: resumed after {plural(len(folder.rounds()), 'run')}.")
         _check_channels(session, bench.check())
         _confirm(person, bench, settings, bool(folder.recordings()))
-        view = TerminalView(session, len(kinds))
-        ended = run_rounds(
-            Experiment(opened, settings, bench, folder, inputs, kinds, planner, person or Nobody(), view, who)
+        view = TerminalView(session)
+        going = Experiment(
+            opened, settings, bench, folder, inputs, kinds, planner, person or Nobody(), view, who
         )
+        ended = run_rounds(going)
     except KeyboardInterrupt:
         session.say("The bench was vented. The same command goes on after the last recording.")
         raise
     finally:
         bench.close()
-    _report(session, opened, study, folder, ended, kinds, who)
+    _report(session, going, study, ended)
 
 
 def _person(session: Session, bench: Bench, settings: ExperimentConfig, yes: bool) -> Person | None:
@@ -147,52 +149,18 @@ def _digest(study: Path) -> str:
     return hashlib.sha256(study.read_bytes()).hexdigest()
 
 
-def _report(
-    session: Session,
-    opened: api.OpenStudy,
-    study: Path,
-    folder: ExperimentFolder,
-    ended: Ended,
-    kinds: list[str],
-    who: Workers,
-) -> None:
+def _report(session: Session, going: Experiment, study: Path, ended: Ended) -> None:
     """Write the improved study where something is to be added, and the report."""
-    minutes = sum(float((one.read("plan") or {})["minutes"]) for one in folder.rounds())
+    folder, opened = going.folder, going.opened
+    minutes = sum(run_minutes(one) for one in folder.rounds())
     verdicts = [one for f in folder.rounds() if (one := f.read("verdict")) is not None]
     improved = None
     if verdicts and verdicts[-1]["verdict"] in IMPROVABLE:
-        improved = _improve(session, opened, study, opened.study, folder, kinds, who)
+        last = verdicts[-1]
+        steps = 1 + bool(last["selected"] or last["selected_class"])
+        session.say("  The model is improved with all recordings.")
+        tick = going.progress(IMPROVING, last, steps).tick
+        improved = improve_study(session, opened, study, folder, last, going.kinds, tick, going.workers)
+        going.view.improved()
     folder.write_status(doing="ended", why=ended.why, sentence=ended.sentence)
     session.show(experiment_document(opened.study.name, folder, ended, minutes, improved), folder.path)
-
-
-def _improve(
-    session: Session,
-    opened: api.OpenStudy,
-    study: Path,
-    loaded: Study,
-    folder: ExperimentFolder,
-    kinds: list[str],
-    who: Workers,
-) -> str | None:
-    """Write the improved study into the folder of the report; return its file, or None if no step is justified."""
-    data = folder.recordings()
-    measurement = api.read_measurement(opened, data)
-    steps = api.improve(opened, measurement, kinds=kinds, workers=who)
-    if steps.final is None and steps.learned is None:
-        return None
-    target = folder.path / "improved.yaml"
-    notes = {kind: stands_for(step) for step in steps.steps for kind in step.added}
-    write_extended_study(
-        study,
-        target,
-        loaded,
-        session.overrides,
-        steps.final,
-        origin(steps, cited(measurement)),
-        session.installed,
-        notes_by_kind=notes,
-        learned=steps.learned,
-        data=data,
-    )
-    return str(target)

@@ -6,12 +6,15 @@ compiler and a POSIX system.
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
 import socket
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from types import TracebackType
@@ -134,18 +137,25 @@ class Emulator:
         return str(self._listener.getsockname()[1])
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run an emulated microcontroller until Ctrl-C."""
-    with tempfile.TemporaryDirectory() as parent:
+    parser = argparse.ArgumentParser(
+        prog="python -m pliant_bench.emulator",
+        description="Start the sketch of docs/connect_your_bench.md on this computer, with a finger of one joint "
+        "behind a pseudo-terminal, and print the block 'bench' of a study for it. Ctrl-C ends it.",
+    )
+    parser.add_argument("--tcp", action="store_true", help="behind a TCP port instead of a pseudo-terminal")
+    is_tcp = parser.parse_args(arguments).tcp
+    with tempfile.TemporaryDirectory() as parent, suppress(KeyboardInterrupt):
         folder = Path(parent)
         program = compile_emulator(folder)
-        with Emulator(program, folder / "valve.log") as emulator:
-            print(f"bench: {{kind: serial, port: {emulator.port}}}", flush=True)
-            try:
-                while emulator.is_running:
-                    time.sleep(0.2)
-            except KeyboardInterrupt:
-                pass
+        with Emulator(program, folder / "valve.log", tcp=is_tcp) as emulator:
+            kind = "socket" if is_tcp else "serial"
+            print(f"bench: {{kind: {kind}, port: {emulator.port}}}", flush=True)
+            while is_tcp:  # one connection after the other
+                emulator.accept()
+            while emulator.is_running:
+                time.sleep(0.2)
 
 
 if __name__ == "__main__":

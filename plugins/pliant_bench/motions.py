@@ -152,6 +152,7 @@ def sampled_path(
         piece = added(move)
         count, before = len(next(iter(piece.values()))), dict(now)
         if not count:
+            done += 1
             continue
         now.update({n: float(values[-1]) for n, values in piece.items()})
         back = len(next(iter(added(Move(rest, 1.0)).values())))

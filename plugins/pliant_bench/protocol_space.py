@@ -23,6 +23,9 @@ from pliant_bench.plans import CONDITIONS, VALVE
 
 Shape = Literal["cycles", "waves", "steps", "hold", "loops", "rest", "closed"]
 SHAPES: tuple[Shape, ...] = ("cycles", "waves", "steps", "hold", "loops", "rest")
+# Shapes that go to the end of a range on one side of rest, and to both ends.
+ONE_SIDED: tuple[Shape, ...] = ("cycles", "waves", "steps", "hold", "loops")
+TWO_SIDED: tuple[Shape, ...] = ("cycles", "waves")
 # Numbers of a segment: highest level, lowest level, pace, duration of holds or change of pace, count.
 NUMBERS = 5
 MOST_SEGMENTS = 4
@@ -128,6 +131,25 @@ class ProtocolSpace:
         segments = tuple(self._segment(rng) for _ in range(count))
         return SpaceMember(segments, float(rng.uniform(0.5 if is_rich else 0.0, 1.0)), dict(setting))
 
+    def covering(
+        self, rng: np.random.Generator, setting: Mapping[str, float], inputs: Sequence[str]
+    ) -> SpaceMember:
+        """Return a random long member with a part for each of these inputs that goes to the ends of its range."""
+        segments = [self._to_the_ends(rng, name) for name in inputs]
+        more = int(rng.integers(0, 2)) if len(segments) < MOST_SEGMENTS else 0
+        return SpaceMember((*segments, *(self._segment(rng) for _ in range(more))), 1.0, dict(setting))
+
+    def _to_the_ends(self, rng: np.random.Generator, name: str) -> Segment:
+        high, _, *others = rng.uniform(size=NUMBERS).tolist()
+        if name == VALVE:
+            supplied = [
+                axis.channel.name for axis in self.axes if axis.channel.name not in (*CONDITIONS, VALVE)
+            ]
+            return Segment("closed", tuple(supplied[:1]), (high, 0.0, *others))
+        is_two_sided = self._axis(name).low < self._axis(name).channel.rest
+        shapes = TWO_SIDED if is_two_sided else ONE_SIDED
+        return Segment(shapes[int(rng.integers(len(shapes)))], (name,), (1.0, float(is_two_sided), *others))
+
     def _segment(self, rng: np.random.Generator) -> Segment:
         names = [axis.channel.name for axis in self.axes if axis.channel.name != VALVE]
         supplied = [name for name in names if name not in CONDITIONS]
@@ -144,15 +166,16 @@ class ProtocolSpace:
         """Return the member as a run of the bench, within all limits."""
         shortest = min(SHORTEST_RUN_S, self.longest_s)
         longest = shortest * (self.longest_s / shortest) ** member.length
-        moves: list[Move] = []
-        words: list[str] = []
-        for segment in member.segments:
-            added = self._moves(segment)
-            moves += added
-            words += [self._words(segment, added)] * len(added)
+        parts = [self._moves(segment) for segment in member.segments]
+        moves = [move for part in parts for move in part]
         clock, commands, done = sampled_path(moves, self.axes, self.period_s, longest, STILL_S)
-        parts = list(dict.fromkeys(words[:done])) or ["all inputs at rest"]
-        return BenchProtocol(name, "; ".join([*parts, "back to rest"]), clock, commands, dict(member.setting))
+        words = []
+        for segment, part in zip(member.segments, parts, strict=True):
+            if kept := part[:done]:
+                words.append(self._words(segment, kept))
+            done -= len(kept)
+        words = list(dict.fromkeys(words)) or ["all inputs at rest"]
+        return BenchProtocol(name, "; ".join([*words, "back to rest"]), clock, commands, dict(member.setting))
 
     def _axis(self, name: str) -> Axis:
         return next(axis for axis in self.axes if axis.channel.name == name)
@@ -201,8 +224,7 @@ class ProtocolSpace:
         if segment.shape == "hold":
             return f"hold {names} at {levels[0]} for {hold} s"
         if segment.shape == "closed":
-            closed = number(moves[1].hold_s, 2)
-            return f"fill {names} to {levels[0]}, close the valve for {closed} s and open it"
+            return self._closed_words(names, levels[0], moves)
         if segment.shape == "steps":
             return f"step {names} to {', '.join(levels)}, {hold} s each"
         if segment.shape == "loops":
@@ -211,8 +233,18 @@ class ProtocolSpace:
         rates = sorted({self._axis(first).rate(move.pace) for move in moves})
         at = [quantity(rate, si_unit(first), 2) for rate in (rates[0], rates[-1])]
         pace = f"{at[0]}/s" if len(rates) == 1 else f"{at[0]}/s to {at[1]}/s"
-        kind = "sine waves" if segment.shape == "waves" else "cycles"
-        return f"{len(moves) // 2} {kind} of {names} between {levels[1]} and {levels[0]} at {pace} at most"
+        kind = "sine wave" if segment.shape == "waves" else "cycle"
+        if len(moves) == 1:
+            return f"half a {kind} of {names} to {levels[0]} at {pace} at most"
+        count = f"{number(len(moves) / 2, 3)} {kind}{'' if len(moves) == 2 else 's'}"
+        return f"{count} of {names} between {levels[1]} and {levels[0]} at {pace} at most"
+
+    def _closed_words(self, names: str, level: str, moves: Sequence[Move]) -> str:
+        fill = f"fill {names} to {level}"
+        if len(moves) == 1:
+            return fill
+        closed = f"{fill}, close the valve for {number(moves[1].hold_s, 2)} s"
+        return closed if len(moves) == 2 else f"{closed} and open it"
 
     def _levels(self, segment: Segment, move: Move) -> str:
         values = [move.targets[name] for name in segment.inputs if name in move.targets]

@@ -7,9 +7,9 @@ predicted together. Setting a condition costs time, so that settings are compare
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,65 +18,23 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.next_run import NextRun, next_runs
 from pliant.diagnosis.verdict import named
 from pliant.evidence.measured_model import MeasuredModel
-from pliant_bench.beliefs import Question
+from pliant_bench.beliefs import SETTLED, Question
 from pliant_bench.bench import BenchProtocol
+from pliant_bench.choice import Choice, SearchEffort
 from pliant_bench.config import ExperimentConfig
+from pliant_bench.coverage import COVERED_ALL, Coverage
 from pliant_bench.menu import menu_protocols
 from pliant_bench.plans import planned_from_protocol
 from pliant_bench.protocol_space import ProtocolSpace, SpaceMember, changed
 
 # Settings with less than this share of the largest information are not chosen for being quick to set.
 TELLING = 0.5
+# A run shows an effect if it is expected to tell this share of the question whether it is missing, at even odds.
+SHOWN = 0.5 * math.log(2.0)
 # Minutes that a run is charged in the comparison beside its own, by purpose: a verdict on little data is less reliable
-# than its probability says, and a lone explanation should meet a run of many parts before it is believed.
+# than its probability says, and a lone explanation should meet a run of many parts before it is believed. A run to the
+# ends of ranges is charged as the first.
 PER_ROUND = {"decide": 1.0, "expose": 3.0}
-
-
-@dataclass(frozen=True)
-class SearchEffort:
-    """How many runs are predicted for a choice.
-
-    Attributes:
-        random: random members in the present setting.
-        elsewhere: random members in each other setting, of which `settings` are tried.
-        parents, children, generations: of the evolution strategy.
-        sizes: standard deviation of the changes of free numbers in the first and the last generation.
-        seed: of the random members.
-    """
-
-    random: int = 40
-    elsewhere: int = 12
-    settings: int = 6
-    parents: int = 2
-    children: int = 8
-    generations: int = 3
-    sizes: tuple[float, float] = (0.25, 0.08)
-    seed: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The next run.
-
-    Attributes:
-        protocol: the run; None if no allowed run would tell anything.
-        purpose: decide between explanations, expose what the only one lacks, or repeat a run.
-        why: the reason, in a sentence.
-        expected_nats: expected information; where the purpose is to expose, if something were missing with even odds.
-        minutes: of the run, with setting up and with a person's work.
-        splits: whether an allowed run would split the explanations that are left; true where one is left.
-        to_set: conditions that a person has to set before the run, SI.
-        then: runs that were planned with it because they need the same setting.
-    """
-
-    protocol: BenchProtocol | None
-    purpose: Literal["decide", "expose", "repeat"]
-    why: str
-    expected_nats: float = 0.0
-    minutes: float = 0.0
-    splits: bool = True
-    to_set: Mapping[str, float] = field(default_factory=dict)
-    then: tuple[BenchProtocol, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +62,10 @@ class _Sequence:
 
 @dataclass(frozen=True, eq=False)
 class RunSearch:
-    """The search after the runs `done`, in the setting `standing`, within the minutes that are left."""
+    """The search after the runs `done`, in the setting `standing`, within the minutes that are left.
+
+    With `coverage` only runs that go to its missing ends are searched, in the present setting.
+    """
 
     model: MeasuredModel
     diagnosis: Diagnosis
@@ -113,21 +74,21 @@ class RunSearch:
     done: Sequence[BenchProtocol]
     standing: Mapping[str, float]
     minutes_left: float
+    coverage: Coverage = COVERED_ALL
 
     def best(self, asked: Question, effort: SearchEffort) -> Choice | None:
         """Return the best run; None if none is expected to help."""
         rng = np.random.default_rng(effort.seed)
         others = [one for one in self.space.settings if changed(one, self.standing)]
-        order = sorted(others, key=lambda one: changed(one, self.standing))
+        order = [] if self.coverage.missing else sorted(others, key=lambda one: changed(one, self.standing))
         found = []
         for setting in (self.standing, *order[: effort.settings]):
             count = effort.random if setting == self.standing else effort.elsewhere
-            rich = asked.purpose == "expose"
-            members = [self.space.random(rng, setting, rich) for _ in range(count)]
+            members = [self._random(rng, setting, asked) for _ in range(count)]
             menu = menu_protocols(self.model, self.space, setting)
             candidates = [_Candidate(one, None) for one in menu if not self._was_done(one)]
             candidates += [_Candidate(self.space.protocol(one, ""), one) for one in members]
-            one = self._sequence(candidates, asked)
+            one = self._sequence(self._covering(candidates), asked)
             if one is not None:
                 found.append(one)
         if not found:
@@ -136,11 +97,26 @@ class RunSearch:
         chosen = max((one for one in found if sum(one.nats) >= enough), key=lambda one: one.rate)
         return self._choice(self._refined(chosen, asked, effort, rng), asked)
 
+    def _random(self, rng: np.random.Generator, setting: Mapping[str, float], asked: Question) -> SpaceMember:
+        if self.coverage.missing:
+            return self.space.covering(rng, setting, self.coverage.inputs)
+        return self.space.random(rng, setting, asked.purpose == "expose")
+
+    def _covering(self, candidates: Sequence[_Candidate]) -> list[_Candidate]:
+        """Return the candidates that go to the most of the missing ends."""
+        ends = [self.coverage.added_by(one.protocol) for one in candidates]
+        return [one for one, n in zip(candidates, ends, strict=True) if n == max(ends)]
+
     def _was_done(self, protocol: BenchProtocol) -> bool:
         return any(
             one.words == protocol.words and dict(one.conditions) == dict(protocol.conditions)
             for one in self.done
         )
+
+    def _is_idle(self, protocol: BenchProtocol) -> bool:
+        """Return whether nothing moves, in a setting in which the beginnings of earlier runs were at rest already."""
+        still = all(np.ptp(values) == 0.0 for values in protocol.commands.values())
+        return still and any(dict(one.conditions) == dict(protocol.conditions) for one in self.done)
 
     def _minutes(self, protocol: BenchProtocol) -> float:
         return self.settings.set_up_minutes + protocol.duration_s / 60.0
@@ -154,17 +130,19 @@ class RunSearch:
             one
             for one in candidates
             if self._minutes(one.protocol) + self._visits(one.protocol) <= self.minutes_left
+            and not self._is_idle(one.protocol)
         ]
         if not allowed:
             return None
-        view = self._view(allowed, PER_ROUND[asked.purpose])
+        purpose = "decide" if self.coverage.missing else asked.purpose
+        view = self._view(allowed, PER_ROUND[purpose])
         visits = self._visits(allowed[0].protocol)
         if asked.purpose == "expose":
             return self._most_exposing(allowed, view, asked, visits)
         left = self.minutes_left - visits + 2.0 * PER_ROUND["decide"]
         chosen = next_runs(view, asked.beliefs[0], 2, left)
         if not chosen:
-            return None
+            return self._quickest(allowed, visits) if self.coverage.missing else None
         nats = tuple(_nats(one)[one.name] for one in chosen)
         minutes = sum(one.minutes for one in chosen) + visits
         return _Sequence(tuple(allowed[int(one.name)] for one in chosen), nats, minutes, chosen[0].why)
@@ -179,7 +157,7 @@ class RunSearch:
                 for name, nats in _nats(chosen).items():
                     total[name] = total.get(name, 0.0) + max(nats, 0.0) / len(asked.beliefs)
         if not total:
-            return None
+            return self._quickest(allowed, visits) if self.coverage.missing else None
         minutes = {run.name: run.minutes + visits for run in view.runs}
         best = max(total, key=lambda name: total[name] / minutes[name])
         words = named(self.diagnosis.explained)
@@ -187,6 +165,11 @@ class RunSearch:
             f"the explanation so far is {words}; of all allowed runs this one shows best what else is missing"
         )
         return _Sequence((allowed[int(best)],), (total[best],), minutes[best], why)
+
+    def _quickest(self, allowed: Sequence[_Candidate], visits: float) -> _Sequence:
+        """Return the shortest run, where all tell nothing about the explanations that are left."""
+        first = min(allowed, key=lambda one: one.protocol.duration_s)
+        return _Sequence((first,), (0.0,), self._minutes(first.protocol) + visits, "")
 
     def more_readings(self, effort: SearchEffort) -> Choice | None:
         """Return a rich run in the present setting, for more readings; None where none fits into the budget."""
@@ -211,7 +194,8 @@ class RunSearch:
             runs.append(planned_from_protocol(protocol, inputs, per_round + self._minutes(protocol), body))
         scales, independent = self.diagnosis.scales, self.diagnosis.noise.n_effective
         slow = seconds_per_reading(measured, len(scales), independent)
-        return CatalogueView.from_predictor(self.model, runs, scales, slow)
+        view = CatalogueView.from_predictor(self.model, runs, scales, slow)
+        return view.with_law_error(self.diagnosis.law)
 
     def _refined(
         self, start: _Sequence, asked: Question, effort: SearchEffort, rng: np.random.Generator
@@ -228,7 +212,7 @@ class RunSearch:
                 children += [_Candidate(self.space.protocol(member, ""), member) for member in members]
             if not children:
                 return best
-            found = self._sequence([*best.candidates, *children], asked)
+            found = self._sequence(self._covering([*best.candidates, *children]), asked)
             if found is None:
                 return best
             best = found
@@ -242,9 +226,35 @@ class RunSearch:
         )
         to_set = {n: v for n, v in first.conditions.items() if n in self.standing and v != self.standing[n]}
         nats, minutes = chosen.nats[0], self._minutes(first) + self._visits(first)
-        why = f"{chosen.why[:1].upper()}{chosen.why[1:]}."
         then = tuple(rest) if to_set else ()
-        return Choice(first, asked.purpose, why, nats, minutes, True, to_set, then)
+        why, shown = self._why(chosen.why), self._exposed(chosen.candidates[0], asked)
+        return Choice(first, asked.purpose, why, nats, minutes, True, to_set, then, shown)
+
+    def _why(self, reason: str) -> str:
+        sentence = f"{reason[:1].upper()}{reason[1:]}." if reason else ""
+        if not self.coverage.missing:
+            return sentence
+        untried = (
+            f"No run has taken {self.coverage} yet, and a model that is right elsewhere may be wrong there."
+        )
+        return f"{untried} {sentence}".strip()
+
+    def _exposed(self, candidate: _Candidate, asked: Question) -> tuple[str, ...]:
+        """Return the further effects that the run is expected to show, each beside the explanation alone."""
+        if asked.purpose != "expose":
+            return ()
+        view, base = self._view([candidate], 0.0), self.diagnosis.explained
+        found = []
+        for belief in asked.beliefs:
+            for kinds in belief.contenders:
+                further = [kind for kind in kinds if kind not in base]
+                if not further:
+                    continue
+                alone = replace(belief, probability={base: SETTLED, kinds: 1.0 - SETTLED})
+                chosen = next_runs(view, alone, 1)
+                if chosen and _nats(chosen[0])["0"] >= SHOWN:
+                    found += further
+        return tuple(found)
 
 
 def _nats(chosen: NextRun) -> dict[str, float]:

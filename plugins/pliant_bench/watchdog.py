@@ -18,10 +18,20 @@ IN_A_ROW = 3
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What a run is expected to read: (t,) mean and standard deviation of each output, at the protocol's instants."""
+    """What a run is expected to read: (t,) of each output, at the protocol's instants.
+
+    Attributes:
+        mean, sd: mean and standard deviation, by which a missed prediction is judged.
+        before: readings of the study's model as it is.
+        band: standard deviation by the noise and by the explanations that are left; empty before the first diagnosis.
+        explanation: name of the model of `mean`; empty if it is the study's model as it is.
+    """
 
     mean: Mapping[str, Array]
     sd: Mapping[str, Array]
+    before: Mapping[str, Array] = field(default_factory=dict)
+    band: Mapping[str, Array] = field(default_factory=dict)
+    explanation: str = ""
 
 
 @dataclass(frozen=True)

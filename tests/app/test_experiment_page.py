@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip("starlette", reason="pip install 'pliant[app]'")
@@ -12,7 +11,7 @@ pytest.importorskip("httpx2", reason="starlette's test client needs httpx2")
 
 from starlette.testclient import TestClient
 from tests.bench.plain_bench import PlainBench
-from tests.bench.test_folder import begun
+from tests.bench.test_folder import EXPECTED, begun
 from tests.command import called
 
 from pliant_app.server import experiment_application
@@ -46,13 +45,16 @@ def test_page_and_its_files_are_served(tmp_path: Path) -> None:
 def test_samples_come_once(tmp_path: Path) -> None:
     folder, one = begun(tmp_path)
     page = TestClient(experiment_application(folder, TOKEN), base_url="http://127.0.0.1:8642")
-    one.write_expected({"angle_rad": np.zeros(40)}, {"angle_rad": np.ones(40)}, one.read_protocol().time_s)
+    one.write_expected(EXPECTED, one.read_protocol().time_s)
     perform(PlainBench(), one.read_protocol(), folder, one, [])
     first = page.get("/api/state?run=0&since=0", headers=MINE).json()["run"]
     assert first["count"] == len(first["series"]["angle_rad"]) == 40
-    assert set(first["expected"]) == {"angle_rad"}
-    later = page.get("/api/state?run=1&since=40", headers=MINE).json()["run"]
-    assert later["series"]["angle_rad"] == [] and "expected" not in later
+    assert [one["name"] for one in first["models"]["outputs"]["angle_rad"]] == [
+        "the study's model",
+        "with backlash",
+    ]
+    later = page.get("/api/state?run=1&since=40&models=0", headers=MINE).json()["run"]
+    assert later["series"]["angle_rad"] == [] and "models" not in later
 
 
 def test_the_button_stops_the_run(tmp_path: Path) -> None:

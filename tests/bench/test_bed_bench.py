@@ -10,6 +10,7 @@ from benchmarks.bench.loop_tasks import LoopPlan, experiment
 from benchmarks.evidence.robots import ROBOTS
 from benchmarks.evidence.sets import SetSpec, make_set
 
+from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.limits import check_protocol
 from pliant_bench.loop.planner import first_repeat
 
@@ -33,6 +34,12 @@ def test_sixty_truths_of_all_groups_and_the_first_ones_of_each() -> None:
     assert not {task.public_id for task in judged} & {task.public_id for task in tasks}
 
 
+def recorded(protocol: BenchProtocol) -> BenchRecording:
+    """Return a complete recording without outputs."""
+    clock = protocol.time_s
+    return BenchRecording(protocol, clock, clock, protocol.commands, {}, np.zeros(len(clock), bool))
+
+
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_planners_that_are_compared_keep_the_same_limits_and_count_visits(robot: str) -> None:
     spec = SetSpec("none", 1, "functional", robot, "rich", "calibration")
@@ -42,16 +49,16 @@ def test_the_planners_that_are_compared_keep_the_same_limits_and_count_visits(ro
     assert first is not None
     random = RandomRuns(settings, bench)
     visits = 0
-    done = [first]
+    done = [recorded(first)]
     for _ in range(20):
         choice = random.next(None, None, done, np.inf)  # type: ignore[arg-type] - it does not look
         assert choice.protocol is not None
         check_protocol(choice.protocol, bench.inputs)
         visits += choice.minutes > 2.0 + choice.protocol.duration_s / 60.0
-        done.append(choice.protocol)
+        done.append(recorded(choice.protocol))
     assert 0 < visits < 12
     rich = RichRuns(settings, bench)
-    runs = rich_protocols(bench)
+    runs = [recorded(one) for one in rich_protocols(bench)]
     again = [rich.repeat(1), *(rich.next(None, None, runs[:k], np.inf) for k in range(1, len(runs)))]  # type: ignore[arg-type]
     assert sum(one.minutes for one in again) == pytest.approx(rich_minutes(bench, settings))
     assert rich.next(None, None, runs, np.inf).protocol is None  # type: ignore[arg-type]

@@ -22,6 +22,8 @@ from pliant_bench.drivers.simulated import SimulatedBench, SimulatedBenchConfig
 from pliant_bench.limits import check_protocol
 from pliant_bench.loop.information import obtained_nats
 from pliant_bench.plans import measured_run, measurement
+from pliant_bench.protocol_space import ProtocolSpace
+from pliant_bench.run_search import RunSearch, _Candidate
 
 PRESSURE = {"pressure_pa": {"high": "15 kPa", "rate": "20 kPa/s", "acceleration": "100 kPa/s^2"}}
 LOAD = {"moment_n_m": {"low": "-4 mN*m", "high": "4 mN*m", "rate": 0.008}}
@@ -120,8 +122,28 @@ def test_that_nothing_is_missing_is_earned_by_the_run_that_shows_most(
     asked = exposing(diagnosis, lab.opened.context.registry)
     assert all(len(belief.contenders) <= 8 and () in belief.contenders for belief in asked.beliefs)
     assert len(asked.contenders) > 15
-    least = next(iter(kinds for kinds in asked.contenders if kinds))
-    assert set(least) & set(diagnosis.not_excited)  # what the runs could not show comes first
+    second = next(kinds for kinds in diagnosis.judgement.probability if kinds not in ((), ("unknown",)))
+    others = [kinds for kinds in asked.contenders if kinds and kinds != second]
+    assert set(others[0]) & set(diagnosis.not_excited)  # then what the runs could not show
+
+
+def test_a_verdict_meets_each_rival_once(clean: tuple[Laboratory, Diagnosis]) -> None:
+    lab, diagnosis = clean
+    choice = lab.choose(diagnosis, met=())
+    assert choice.protocol is not None and choice.purpose == "expose" and choice.exposes
+    registry = lab.opened.context.registry
+    left = exposing(diagnosis, registry, choice.exposes).contenders
+    assert not {kind for kinds in left for kind in kinds} & set(choice.exposes)
+    every = {kind for kinds in diagnosis.fits for kind in kinds}
+    none = lab.choose(diagnosis, met=every)
+    assert none.protocol is None and none.why == "No allowed run would show a further effect of the list."
+
+
+def test_the_second_explanation_is_the_first_rival(clean: tuple[Laboratory, Diagnosis]) -> None:
+    lab, diagnosis = clean
+    second = next(kinds for kinds in diagnosis.judgement.probability if kinds not in ((), ("unknown",)))
+    first = exposing(diagnosis, lab.opened.context.registry).beliefs[0].contenders
+    assert set(second) & {kind for kinds in first for kind in kinds}
 
 
 def test_a_person_is_charged_and_the_choice_says_what_to_set(clean: tuple[Laboratory, Diagnosis]) -> None:
@@ -135,6 +157,24 @@ def test_a_person_is_charged_and_the_choice_says_what_to_set(clean: tuple[Labora
     assert all(run.conditions == choice.protocol.conditions for run in choice.then)
     near = lab.choose(diagnosis, minutes_left=2.0)  # too short for a visit
     assert not near.to_set and near.minutes <= 2.0
+
+
+def test_a_run_at_rest_is_no_candidate_where_others_rested_and_the_law_may_be_off_in_all_others(
+    clean: tuple[Laboratory, Diagnosis],
+) -> None:
+    lab, diagnosis = clean
+    space = ProtocolSpace.from_settings(lab.settings, lab.bench.inputs)
+    model = api.predictor(lab.opened, lab.data)
+    standing = lab.done[0].conditions
+    search = RunSearch(model, diagnosis, space, lab.settings, lab.done, standing, 60.0)
+    still = {name: np.zeros(3) for name in lab.done[0].commands}
+    here, turned = (
+        BenchProtocol("r", "rest", np.arange(3.0), still, {"base_pitch_rad": angle}) for angle in (0.0, 1.5)
+    )
+    view = search._view([_Candidate(lab.done[0], None)], 1.0)
+    assert diagnosis.law is not None and view.law_columns.shape[1] == len(diagnosis.law.basis)
+    assert np.abs(view.law_columns).max() > 0.0
+    assert search._is_idle(here) and not search._is_idle(turned) and not search._is_idle(lab.done[0])
 
 
 def test_no_run_fits_into_no_time(clean: tuple[Laboratory, Diagnosis]) -> None:

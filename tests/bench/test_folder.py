@@ -14,6 +14,7 @@ from pliant_bench.bench import BenchProtocol, BenchSample
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, SampleLog
 from pliant_bench.loop.live import live_state, press_stop
 from pliant_bench.loop.perform import STOP_BUTTON, perform, record_from_samples
+from pliant_bench.watchdog import Expectation
 
 PLAN = {
     "kind": "repeat",
@@ -23,6 +24,11 @@ PLAN = {
     "specimen": "1",
     "setting": {},
 }
+
+ZEROS = {"angle_rad": np.zeros(40)}
+EXPECTED = Expectation(
+    ZEROS, {"angle_rad": np.ones(40)}, ZEROS, {"angle_rad": np.full(40, 0.1)}, "with backlash"
+)
 
 
 def protocol(n: int = 40) -> BenchProtocol:
@@ -111,10 +117,12 @@ def test_another_study_does_not_continue_the_experiment(tmp_path: Path) -> None:
 
 def test_live_state_sends_only_new_samples(tmp_path: Path) -> None:
     folder, one = begun(tmp_path)
-    one.write_expected({"angle_rad": np.zeros(40)}, {"angle_rad": np.ones(40)}, protocol().time_s)
+    one.write_expected(EXPECTED, protocol().time_s)
     perform(PlainBench(), one.read_protocol(), folder, one, [])
     first = live_state(folder)["run"]
     assert first["count"] == 40 and len(first["series"]["angle_rad"]) == 40
-    assert first["expected"]["angle_rad"]["sd"][0] == pytest.approx(math.degrees(1.0))
-    later = live_state(folder, run=1, since=30)["run"]
-    assert len(later["series"]["angle_rad"]) == 10 and "expected" not in later
+    plain, explained = first["models"]["outputs"]["angle_rad"]
+    assert (plain["name"], explained["name"]) == ("the study's model", "with backlash")
+    assert explained["sd"][0] == pytest.approx(math.degrees(0.1)) and np.isnan(plain["sd"]).all()
+    later = live_state(folder, run=1, since=30, models=0)["run"]
+    assert len(later["series"]["angle_rad"]) == 10 and "models" not in later

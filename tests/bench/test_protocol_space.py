@@ -12,8 +12,10 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant_bench.bench import BenchChannel, BenchProtocol, ChannelLimits
 from pliant_bench.config import ExperimentConfig
+from pliant_bench.motions import Move
+from pliant_bench.performed import turning_levels
 from pliant_bench.plans import planned_from_protocol, protocol_from_planned
-from pliant_bench.protocol_space import ProtocolSpace, changed
+from pliant_bench.protocol_space import ProtocolSpace, Segment, SpaceMember, changed
 
 INPUTS = {
     "pressure_1_pa": {"high": "15 kPa", "rate": "5 kPa/s", "acceleration": "20 kPa/s^2", "dwell": "0.7 s"},
@@ -89,6 +91,40 @@ def test_slow_inputs_move_as_far_as_they_can() -> None:
     rng = np.random.default_rng(3)
     tops = [space.protocol(space.random(rng, {}), "a").commands["pressure_pa"].max() for _ in range(60)]
     assert max(tops) > 1e3  # of 4.5 kPa that could be reached and left within 90 s at most
+
+
+@pytest.mark.parametrize(
+    ("longest_s", "words"),
+    [
+        (30, "half a sine wave of pressure_pa to 12 kPa"),
+        (50, "1 sine wave of pressure_pa between 0 kPa and 12 kPa"),
+        (75, "1.5 sine waves of pressure_pa between 0 kPa and 12 kPa"),
+        (300, "2 sine waves of pressure_pa between 0 kPa and 12 kPa"),
+    ],
+)
+def test_what_does_not_fit_into_the_longest_run_is_not_in_its_words(longest_s: float, words: str) -> None:
+    pressure = {"pressure_pa": {"high": "12 kPa", "rate": "10 kPa/s"}}
+    space = ProtocolSpace.from_settings(config(inputs=pressure, longest_run=longest_s))
+    waves = Segment("waves", ("pressure_pa",), (1.0, 0.0, 0.4, 0.5, 0.3))
+    protocol = space.protocol(SpaceMember((waves,), 1.0), "a")
+    turns = turning_levels(protocol.commands["pressure_pa"], 100.0)
+    assert (
+        protocol.words.startswith(words) and len(turns) - 1 == {30: 2, 50: 2, 75: 4, 300: 4}[int(longest_s)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("fits", "words"), [(1, "fill pressure_pa to 9 kPa"), (2, "close the valve for 5 s"), (3, "and open it")]
+)
+def test_a_valve_that_is_not_opened_again_is_not_said_to_be(fits: int, words: str) -> None:
+    moves = [
+        Move({"pressure_pa": 9e3}, 0.5, 2.0),
+        Move({"valve_open": 0.0}, 1.0, 5.0),
+        Move({"valve_open": 1.0}, 1.0, 1.0),
+    ]
+    space = ProtocolSpace.from_settings(config(inputs={"pressure_pa": {"high": "12 kPa"}}))
+    said = space._words(Segment("closed", ("pressure_pa",), (1.0,) * 5), moves[:fits])
+    assert said.endswith(words)
 
 
 def test_the_same_seed_gives_the_same_runs() -> None:

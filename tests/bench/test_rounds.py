@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,15 @@ from tests.bench.plain_bench import PlainBench
 
 from pliant import api
 from pliant_bench.bench import BenchSample, ConnectionLostError
-from pliant_bench.choose import SearchEffort
+from pliant_bench.choose import Choice, SearchEffort
+from pliant_bench.loop.compared import fall_of_error, read_bands
 from pliant_bench.loop.decision import Ended
-from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
+from pliant_bench.loop.experiment import Experiment
+from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, read_columns
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
-from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.report_charts import runs_chart
+from pliant_bench.loop.rounds import run_rounds
 from pliant_bench.loop.view import View
 
 BENCH = """\
@@ -50,16 +54,20 @@ class KillingView(View):
         if self.events >= self.last:
             raise KeyboardInterrupt
 
-    planned = sample = recorded = diagnosing = diagnosed = _count
+    planned = sample = recorded = fitting = diagnosed = _count
 
 
-def loop(folder: Path, path: Path, view: View | None = None) -> tuple[Any, ExperimentFolder]:
+def loop(
+    folder: Path,
+    path: Path,
+    view: View | None = None,
+    planner: Callable[..., TellingPlanner] = TellingPlanner,
+) -> tuple[Any, ExperimentFolder]:
     opened = api.open_study(path, store=folder.parent / "store")
     settings, bench = opened.study.experiment, opened.context.build("bench", opened.study.bench)
     bench.connect()
     experiment = ExperimentFolder(folder)
     experiment.begin({"study": opened.study.name})
-    planner = TellingPlanner(opened, settings, bench, QUICK)
     end = run_rounds(
         Experiment(
             opened,
@@ -68,7 +76,7 @@ def loop(folder: Path, path: Path, view: View | None = None) -> tuple[Any, Exper
             experiment,
             model_inputs(opened),
             KINDS,
-            planner,
+            planner(opened, settings, bench, QUICK),
             Nobody(),
             view or View(),
         )
@@ -99,6 +107,66 @@ def test_the_hidden_effect_is_named(whole: tuple[Path, Any, ExperimentFolder, in
     assert (found["verdict"], found["selected"]) == ("missing_effect", ["viscous_damping"])
 
 
+def test_a_verdict_ends_only_after_the_whole_range(whole: tuple[Path, Any, ExperimentFolder, int]) -> None:
+    _, end, folder, _ = whole
+    tops = [one.read_protocol().commands["pressure_pa"].max() for one in folder.rounds()]
+    assert max(tops[:3]) < 0.9 * 15e3 <= max(tops)
+    *earlier, last = folder.rounds()
+    assert (last.read("end") or {})["why"] in end.sentence
+    assert all(one.read("end") is None for one in earlier)
+
+
+def test_a_verdict_that_holds_meets_the_runs_that_could_contradict_it(
+    whole: tuple[Path, Any, ExperimentFolder, int], tmp_path: Path
+) -> None:
+    asked = []
+
+    class Doubting(TellingPlanner):
+        """A planner that has one further run for a verdict that holds."""
+
+        def next(self, *given: Any) -> Choice:
+            met = given[4]
+            if met is None:
+                return super().next(*given)
+            asked.append(met)
+            if "sensor_scale" in met:
+                return Choice(None, "expose", "Nothing is left.")
+            return replace(self.repeat(1), purpose="expose", exposes=("sensor_scale",))
+
+    end, folder = loop(tmp_path / "doubted", whole[0], planner=Doubting)
+    assert end.why == "verdict" and end.sentence.endswith("Nothing is left.")
+    assert ["sensor_scale" in met for met in asked] == [
+        False,
+        False,
+        True,
+    ]  # two runs that would have shown it
+    assert (folder.rounds()[-1].read("plan") or {})["exposes"] == ["sensor_scale"]
+    again, _ = loop(tmp_path / "doubted", whole[0], planner=Doubting)
+    assert again == end and len(asked) == 3  # the end is on disk
+
+
+def test_what_was_compared_is_on_disk_with_and_without_the_effect(
+    whole: tuple[Path, Any, ExperimentFolder, int],
+) -> None:
+    for one in whole[2].rounds():
+        plain, explained = read_bands(one)["angle_rad"]
+        assert explained.name == "with viscous_damping"
+        samples = read_columns(one.samples)
+        measured = np.interp(plain.time_s, samples["read_s"], samples["angle_rad"])
+        errors = [np.sqrt(np.mean((measured - model.mean) ** 2)) for model in (plain, explained)]
+        assert errors[1] < 0.6 * errors[0]
+        assert fall_of_error(one)["angle_rad"] == pytest.approx(errors[0] - errors[1], rel=1e-3)
+        inside = np.abs(measured - explained.mean) < 2.0 * explained.sd
+        assert inside.mean() > 0.85
+    drawn = runs_chart(whole[2].rounds(), "angle_rad")
+    assert drawn is not None and len(drawn.panels) == 2 * len(whole[2].rounds())
+    upper, lower = drawn.panels[:2]
+    models = ["the study's model", "with viscous_damping"]
+    names = {*models, *(f"{name} ± 2 sd" for name in models), "measured"}
+    assert {mark.name for mark in upper.marks} == names
+    assert lower.y.label == "error" and len(lower.lines) == 2
+
+
 def test_every_step_is_on_disk(whole: tuple[Path, Any, ExperimentFolder, int]) -> None:
     folder = whole[2]
     for one in folder.rounds():
@@ -106,7 +174,7 @@ def test_every_step_is_on_disk(whole: tuple[Path, Any, ExperimentFolder, int]) -
         assert plan["why"] and plan["minutes"] > 0.0
         assert (one.read("recording") or {})["ending"] == "complete"
         assert rows(one) == len(one.read_protocol())
-    assert json.loads((folder.path / "status.json").read_text())["doing"] in ("running", "diagnosing")
+    assert json.loads((folder.path / "status.json").read_text())["doing"] == "planning"
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.55, 0.8, 0.97])

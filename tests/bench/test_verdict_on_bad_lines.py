@@ -14,10 +14,11 @@ from pliant_bench.choose import SearchEffort
 from pliant_bench.drivers.line_config import SerialConfig, SocketConfig
 from pliant_bench.drivers.socket_line import SocketBench
 from pliant_bench.emulator import Emulator
+from pliant_bench.loop.experiment import Experiment
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
-from pliant_bench.loop.rounds import Experiment, run_rounds
+from pliant_bench.loop.rounds import run_rounds
 from pliant_bench.loop.view import View
 
 pytest.importorskip("serial")

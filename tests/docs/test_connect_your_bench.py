@@ -1,14 +1,16 @@
 """The drivers, the study and the lines of connect_your_bench.md, copied unchanged."""
 
 import re
+import shutil
 import socketserver
 import sys
 import threading
 import types
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from tests.docs.pages import ROOT, blocks, commands, page_text, run
+from tests.docs.pages import blocks, commands, page_text, run
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
@@ -18,7 +20,8 @@ from pliant.testing import run_checks
 from pliant_bench.clock import AcceleratedClock
 from pliant_bench.conformance_runs import small_run
 from pliant_bench.drivers.line_bench import REFUSALS
-from pliant_bench.emulator import SOURCES
+from pliant_bench.emulator import SOURCES, Emulator, compile_emulator
+from pliant_bench.emulator import main as emulator_main
 
 PAGE = page_text("connect_your_bench")
 MINIMAL, ROS2 = blocks(PAGE, "python")
@@ -128,19 +131,56 @@ def test_the_driver_of_ros_2_performs_a_run(ros2, tmp_path):
         bench.connect()
 
 
-def test_the_blocks_of_the_study_are_valid(tmp_path):
-    (tmp_path / "study.yaml").write_text("pliant: 1\nname: bench\n" + blocks(PAGE, "yaml")[0])
-    study = load_study(tmp_path / "study.yaml", discover())
+def test_the_complete_study_is_valid(tmp_path):
+    (tmp_path / "my_finger.yaml").write_text(blocks(PAGE, "yaml")[0])
+    study = load_study(tmp_path / "my_finger.yaml", discover())
     assert study.block("experiment").inputs["pressure_pa"].limits("pressure_pa").high == 12e3
     assert study.block("bench").port == "/dev/ttyACM0"
+    for block in (
+        "surrogate",
+        "law_error",
+        "chain",
+        "bench",
+        "inputs",
+        "outputs",
+        "period",
+        "set_up_minutes",
+        "minutes",
+    ):
+        assert re.search(rf"^\| .*`{block}`.* \|", PAGE, re.M)  # says where its numbers come from
+
+
+def test_the_complete_study_plans_its_first_run_on_the_emulated_microcontroller(tmp_path, monkeypatch):
+    pytest.importorskip("serial")
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_finger.yaml").write_text(blocks(PAGE, "yaml")[0])
+    (dry_run,) = [one for one in commands(PAGE) if one.startswith("experiment my_finger.yaml --dry-run")]
+    with Emulator(compile_emulator(tmp_path), tmp_path / "valve.log") as device:
+        said = run(dry_run, f"bench.port={device.port}")
+        assert device.valve()[1].max(initial=0.0) == 0.0
+    assert "The model assumes no gravity" in said and "nothing was moved" in said and "8.4 kPa" in said
+
+
+def test_the_emulator_tells_its_options_and_starts_nothing(monkeypatch, capsys):
+    monkeypatch.setattr("pliant_bench.emulator.compile_emulator", lambda folder: pytest.fail("it starts"))
+    for words, code in ((["--help"], 0), (["--tpc"], 2)):
+        with pytest.raises(SystemExit) as ended:
+            emulator_main(words)
+        assert ended.value.code == code
+    said = capsys.readouterr()
+    assert "--tcp" in said.out and "unrecognized arguments: --tpc" in said.err
 
 
 def test_the_commands_of_the_page_exist(tmp_path, monkeypatch, rig):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig.py").write_text(MINIMAL.replace("5025", str(rig)))
-    (experiment,) = [one for one in commands(PAGE) if one.startswith("experiment examples/emulated_bench")]
-    assert load_study(ROOT / experiment.split()[1], discover()).block("bench").kind == "serial"
-    (check,) = [one for one in commands(PAGE) if one.startswith("check")]
+    (example,) = [one for one in commands(PAGE) if one.startswith("example")]
+    run(example)
+    (experiment,) = [one for one in commands(PAGE) if one.startswith("experiment emulated-bench")]
+    assert load_study(Path(experiment.split()[1]), discover()).block("bench").kind == "serial"
+    (check,) = [one for one in commands(PAGE) if one.startswith("check bench rig")]
     assert "1 passed, 0 failed" in run(check, "--clause", "checks_every_channel")
 
 

@@ -36,6 +36,7 @@ from pliant.diagnosis.excitation import (
 )
 from pliant.diagnosis.fitting import Fitter
 from pliant.diagnosis.isolating_run import isolating_run
+from pliant.diagnosis.law_discrepancy import LawReference
 from pliant.diagnosis.law_off import LawOff, law_off
 from pliant.diagnosis.law_posterior import LawErrorPrior, law_error_prior
 from pliant.diagnosis.learned_term import LearnedTerm, learn
@@ -105,6 +106,7 @@ class Diagnosis:
         law_off: the error of the law with the most probable listed hypothesis; None if the readings show none.
         law_alone: the error of the law if no effect is added, whatever the verdict; None if nothing shows one.
         bookkeeping: probable mistakes of the record, before any physics.
+        law: the law's own error as it is part of the fits; None if the law is taken as exact.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
@@ -131,6 +133,7 @@ class Diagnosis:
     law_off: LawOff | None = None
     law_alone: LawOff | None = None
     bookkeeping: tuple[Mistake, ...] = ()
+    law: LawReference | None = None
 
     @property
     def scales(self) -> Mapping[str, float]:
@@ -288,6 +291,7 @@ def diagnose(
         law_off=off,
         law_alone=bare,
         bookkeeping=mistakes,
+        law=fitter.law,
     )
 
 

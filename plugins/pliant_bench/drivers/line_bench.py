@@ -107,6 +107,26 @@ class LineBench(SampledBench):
             self.close()
             raise
 
+    def reconnect(self) -> bool:
+        """Connect again, as often and with the wait that the config states; the microcontroller vents by itself.
+
+        Raises:
+            UserError: a bench with other channels answers.
+        """
+        before = (self._inputs, self._outputs)
+        for _ in range(self.config.reconnect_attempts):
+            time.sleep(self.config.reconnect_s)
+            try:
+                self.connect()
+            except (UserError, OSError, RunStoppedError):
+                continue
+            if (self._inputs, self._outputs) != before:
+                raise UserError(
+                    f"Another bench answers at {self.address} after the lost connection: its channels differ."
+                )
+            return True
+        return False
+
     def run(self, protocol: BenchProtocol, watch: Watch) -> BenchRecording:
         longest_s = float(np.diff(protocol.time_s).max(initial=0.0))
         if longest_s > 0.5 * self._silence_s:

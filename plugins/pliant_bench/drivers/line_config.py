@@ -18,6 +18,12 @@ class LineBenchConfig(BenchConfig):
     start_s: Time = Field(
         4.0, gt=0, description="time that the microcontroller has to start after the connection"
     )
+    reconnect_attempts: int = Field(
+        5, ge=0, le=1000, description="attempts to connect again after a lost connection"
+    )
+    reconnect_s: Time = Field(
+        2.0, gt=0, description="wait before each of these attempts; the bench is vented meanwhile"
+    )
 
 
 class SerialConfig(LineBenchConfig):

@@ -43,20 +43,25 @@ def rounds_held(verdicts: Sequence[Mapping[str, Any]]) -> int:
     return held
 
 
-def verdict_reached(verdicts: Sequence[Mapping[str, Any]], settings: ExperimentConfig) -> Ended | None:
-    """Return the end if a cause has been named for as many rounds as the study asks."""
-    held = rounds_held(verdicts)
-    if held < settings.rounds or verdicts[-1]["verdict"] not in FINAL:
-        return None
-    return Ended("verdict", f"The verdict has held for {plural(held, 'round')}.")
+def verdict_holds(verdicts: Sequence[Mapping[str, Any]], settings: ExperimentConfig) -> bool:
+    """Return whether a cause has been named for as many rounds as the study asks."""
+    return bool(verdicts) and rounds_held(verdicts) >= settings.rounds and verdicts[-1]["verdict"] in FINAL
 
 
-def budget_spent(runs: int, minutes: float, settings: ExperimentConfig) -> Ended | None:
-    """Return the end if no further run is in the budget."""
+def verdict_ends(verdicts: Sequence[Mapping[str, Any]], why: str) -> Ended:
+    """Return the end with a verdict that holds; `why` says what no further run would show."""
+    return Ended(
+        "verdict", f"The verdict has held for {plural(rounds_held(verdicts), 'round')}. {why}".strip()
+    )
+
+
+def budget_spent(runs: int, minutes: float, settings: ExperimentConfig, holds: bool = False) -> Ended | None:
+    """Return the end if no further run is in the budget; `holds` if a verdict does and has further runs to meet."""
+    more = " The verdict has held, and has not met every run that could contradict it." if holds else ""
     if runs >= settings.runs:
-        return Ended("budget", f"The budget of {plural(settings.runs, 'run')} is spent.")
+        return Ended("budget", f"The budget of {plural(settings.runs, 'run')} is spent.{more}")
     if minutes + settings.set_up_minutes >= settings.minutes:
-        return Ended("budget", f"{minutes:.3g} of {settings.minutes:g} min are spent.")
+        return Ended("budget", f"{minutes:.3g} of {settings.minutes:g} min are spent.{more}")
     return None
 
 

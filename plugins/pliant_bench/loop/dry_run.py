@@ -18,10 +18,12 @@ from pliant.report.document import Document, Drawn, Table, drawn, picture, secti
 from pliant_bench.bench import BenchChannel, BenchProtocol
 from pliant_bench.choose import Choice
 from pliant_bench.limits import check_protocol
+from pliant_bench.loop.decision import rounds_held, verdict_holds
 from pliant_bench.loop.expectation import expect, expect_without_data
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import words
 from pliant_bench.loop.planner import TellingPlanner
+from pliant_bench.loop.rounds import exposed_since
 from pliant_bench.plans import history_from_columns
 from pliant_bench.watchdog import Expectation
 
@@ -35,9 +37,12 @@ def dry_run_document(
     planner: TellingPlanner,
     inputs: Sequence[str],
     kinds: Sequence[str],
+    assumed: Sequence[str],
     workers: Workers,
 ) -> Document:
     """Return the next run of an experiment with its expected motion, after the runs that are on disk.
+
+    `assumed` says which orientation and gravity the motion is expected for.
 
     Raises:
         UserError: the run exceeds a limit of the bench.
@@ -69,8 +74,8 @@ def dry_run_document(
                 if np.isfinite(v).any()
             },
         },
-        brief=(corners, *([f"conditions: {', '.join(asked)}"] if asked else [])),
-        draw=partial(_drawn, protocol, channels, expected, corners),
+        brief=(*assumed, corners, *([f"conditions: {', '.join(asked)}"] if asked else [])),
+        draw=partial(_drawn, protocol, channels, expected, corners, assumed),
         footer="The limits of the study and of the driver are checked again before every sample",
     )
 
@@ -96,8 +101,11 @@ def _next(
         return first, expect_without_data(opened, outputs, history(first.protocol))
     data = api.read_measurement(opened, folder.recordings())
     diagnosis = api.diagnose(opened, data, kinds=kinds, workers=workers)
-    done = [one.read_recording().protocol for one in rounds]
-    choice = planner.next(data, diagnosis, done, np.inf)
+    done = [one.read_recording() for one in rounds]
+    verdicts = [one for folder in rounds if (one := folder.read("verdict")) is not None]
+    holds = verdict_holds(verdicts, planner.settings)
+    met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
+    choice = planner.next(data, diagnosis, done, np.inf, met)
     if choice.protocol is None:
         return choice, Expectation({}, {})
     return choice, expect(opened, data, diagnosis, history(choice.protocol))
@@ -125,7 +133,11 @@ def corner_table(protocol: BenchProtocol) -> Table:
 
 
 def _drawn(
-    protocol: BenchProtocol, channels: Sequence[BenchChannel], expected: Expectation, corners: Table
+    protocol: BenchProtocol,
+    channels: Sequence[BenchChannel],
+    expected: Expectation,
+    corners: Table,
+    assumed: Sequence[str],
 ) -> Drawn:
     return drawn(
         picture(
@@ -133,7 +145,7 @@ def _drawn(
             "Commands with their limits, and the expected readings ± 2 sd.",
             chart(protocol, channels, expected),
         ),
-        section("The protocol", corners, open=True),
+        section("The protocol", corners, text=assumed, open=True),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.evidence_table import UNKNOWN
+from pliant.diagnosis.evidence_table import NOTHING, UNKNOWN
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.evidence.opening import measured_model
 from pliant.experiments.planned_run import unread_run
@@ -16,6 +16,7 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
+from pliant_bench.loop.compared import explanation_name
 from pliant_bench.watchdog import Expectation
 
 # Explanations that are asked, the most probable ones first.
@@ -29,7 +30,7 @@ def expect_without_data(opened: api.OpenStudy, outputs: tuple[str, ...], history
     unread = Measurement((unread_run(history, outputs, outputs),), outputs, source="the plan")
     mean = _predict(measured_model(opened.context, opened.study, unread), history, ())
     sd = {name: np.full(len(v), UNSEEN * _largest(v)) for name, v in mean.items()}
-    return Expectation(mean, sd)
+    return Expectation(mean, sd, mean)
 
 
 def expect(opened: api.OpenStudy, data: Measurement, diagnosis: Diagnosis, history: History) -> Expectation:
@@ -43,13 +44,15 @@ def expect(opened: api.OpenStudy, data: Measurement, diagnosis: Diagnosis, histo
     fits = [diagnosis.fits[kinds] for kinds in left]
     predicted = [_predict(model, history, fit.candidate.configs(fit.x)) for fit in fits]
     mean = predicted[0]
-    sd = {}
+    before = mean if left[0] == NOTHING else _predict(model, history, ())
+    sd, band = {}, {}
     for name, values in mean.items():
         apart = np.array([one[name] - values for one in predicted])
         spread = np.einsum("k,kt->t", weight / weight.sum(), np.nan_to_num(apart) ** 2)
         noise = diagnosis.scales.get(name, 0.0)
-        sd[name] = np.sqrt(spread + noise**2 + (SEEN * _largest(values)) ** 2)
-    return Expectation(mean, sd)
+        band[name] = np.sqrt(spread + noise**2)
+        sd[name] = np.sqrt(band[name] ** 2 + (SEEN * _largest(values)) ** 2)
+    return Expectation(mean, sd, before, band, explanation_name(left[0]))
 
 
 def _predict(model: MeasuredModel, history: History, effects: Sequence[EffectConfig]) -> dict[str, Array]:

@@ -5,11 +5,13 @@
     experiment.json           study, bench and settings that began it
     run_01/plan.json          what is asked for, and why
     run_01/protocol.csv       the commands, one row per instant
-    run_01/expected.csv       mean and standard deviation of the expected readings
+    run_01/expected.csv       expected readings, of the explanation so far and of the study's model as it is
     run_01/samples.csv        what the bench did and read, one row per sample, written as it comes in
     run_01/recording_01.csv   the samples as a measurement file
     run_01/recording.json     how the run ended; present once the recording is complete
     run_01/verdict.json       the diagnosis after this run
+    run_01/compared.csv       the run with and without the explanation of the last diagnosis
+    run_01/end.json           why a verdict that holds has no further run to meet
     status.json               what is being done now, for a live view
     stop                      present while somebody asks for a stop (the red button)
 """
@@ -32,6 +34,7 @@ from pliant.records.design import Array
 from pliant.records.plain_values import plain
 from pliant.store.store import write_atomically
 from pliant_bench.bench import BenchProtocol, BenchRecording, BenchSample
+from pliant_bench.watchdog import Expectation
 
 FORMAT = 1
 RUN = re.compile(r"run_(\d+)")
@@ -108,10 +111,17 @@ class RoundFolder:
             ended.get("reason", ""),
         )
 
-    def write_expected(self, mean: Mapping[str, Array], sd: Mapping[str, Array], clock: Array) -> None:
+    def write_expected(self, expected: Expectation, clock: Array) -> None:
         """Write the expected readings of the run at the instants of its protocol, SI."""
-        spread = {f"{name} sd": values for name, values in sd.items()}
-        write_columns(self.path / "expected.csv", {"time_s": clock, **mean, **spread})
+        columns: dict[str, Array] = {"time_s": clock}
+        unknown = np.full(len(clock), np.nan)
+        for name, mean in expected.mean.items():
+            band = expected.band.get(name, unknown)
+            columns |= {name: mean, f"{name} sd": expected.sd[name]}
+            columns |= {f"{name} before": expected.before.get(name, mean), f"{name} before sd": unknown}
+            columns |= {f"{name} after": mean, f"{name} after sd": band}
+        write_columns(self.path / "expected.csv", columns)
+        self.write("expected", {"explanation": expected.explanation})
 
     def read_expected(self) -> dict[str, Array]:
         """Return the columns of the expected readings; empty without them."""

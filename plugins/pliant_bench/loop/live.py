@@ -5,18 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from pliant.formatting import output_unit
+from pliant_bench.loop.compared import FILE, ModelBand, read_bands
 from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns, read_json
 
 MOST_HYPOTHESES = 8
 
 
-def live_state(folder: ExperimentFolder, run: int = 0, since: int = 0) -> dict[str, Any]:
+def live_state(folder: ExperimentFolder, run: int = 0, since: int = 0, models: int = -1) -> dict[str, Any]:
     """Return what is being done, the samples that are new, and the verdicts so far.
 
     Args:
         folder: of the experiment.
-        run: number of the run that the viewer shows already; its expected readings are not sent again.
+        run: number of the run that the viewer shows already.
         since: number of samples of this run that the viewer has.
+        models: number of the diagnosis whose models of this run the viewer has; 0 for those that were expected.
     """
     rounds = folder.rounds()
     shown = rounds[-1] if rounds else None
@@ -27,7 +29,8 @@ def live_state(folder: ExperimentFolder, run: int = 0, since: int = 0) -> dict[s
         "run": None,
     }
     if shown is not None:
-        state["run"] = _run(shown, known=shown.number == run, since=since if shown.number == run else 0)
+        is_known = shown.number == run
+        state["run"] = _run(shown, since if is_known else 0, models if is_known else -1)
     return state
 
 
@@ -41,7 +44,8 @@ def _summary(folder: RoundFolder) -> dict[str, Any]:
     verdict = folder.read("verdict")
     summary = {
         "number": folder.number,
-        **{key: plan.get(key) for key in ("name", "words", "why", "minutes", "expected_nats")},
+        **{key: plan.get(key) for key in ("name", "why", "expected_nats")},
+        **{key: recording.get(key, plan.get(key)) for key in ("words", "minutes")},
         "ending": recording.get("ending"),
         "reason": recording.get("reason"),
     }
@@ -58,8 +62,8 @@ def _summary(folder: RoundFolder) -> dict[str, Any]:
     return summary
 
 
-def _run(folder: RoundFolder, known: bool, since: int) -> dict[str, Any]:
-    """Return the samples from `since` on and, unless they are known, the expected readings, in display units."""
+def _run(folder: RoundFolder, since: int, models: int) -> dict[str, Any]:
+    """Return the samples from `since` on and, unless the viewer has them, what the models read, in display units."""
     protocol = folder.read_protocol()
     samples = read_columns(folder.samples) if folder.samples.exists() else {}
     names = [name for name in samples if name not in OWN_COLUMNS]
@@ -74,15 +78,17 @@ def _run(folder: RoundFolder, known: bool, since: int) -> dict[str, Any]:
         "axes": {name: {"label": unit.label, "unit": unit.symbol} for name, unit in units.items()},
         "inputs": list(protocol.commands),
     }
-    if not known:
-        expected = folder.read_expected()
-        run["expected"] = {
-            name: {
-                "time_s": expected["time_s"],
-                "mean": output_unit(name).factor * expected[name],
-                "sd": output_unit(name).factor * expected[f"{name} sd"],
-            }
-            for name in expected
-            if f"{name} sd" in expected
+    number = (folder.read(FILE) or {}).get("after_run", 0)
+    if number != models and (number or folder.read("expected") is not None):
+        run["models"] = {
+            "number": number,
+            "outputs": {
+                output: [_model(one, output_unit(output).factor) for one in bands]
+                for output, bands in read_bands(folder).items()
+            },
         }
     return run
+
+
+def _model(band: ModelBand, factor: float) -> dict[str, Any]:
+    return {"name": band.name, "time_s": band.time_s, "mean": factor * band.mean, "sd": factor * band.sd}

@@ -17,6 +17,7 @@ from pliant_bench.bench import (
     Watch,
 )
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, SampleLog, write_recording
+from pliant_bench.performed import performed_minutes, performed_words
 
 STOP_BUTTON = "The stop button was pressed."
 # A run with fewer samples says nothing, and is left out of the measurement.
@@ -69,6 +70,8 @@ def finish(folder: RoundFolder, recording: BenchRecording) -> None:
         {
             "ending": recording.ending,
             "reason": recording.reason,
+            "words": performed_words(recording),
+            "minutes": performed_minutes(recording, plan["minutes"]),
             "samples": len(recording),
             "planned_samples": len(recording.protocol),
             "late": np.flatnonzero(recording.late).tolist(),

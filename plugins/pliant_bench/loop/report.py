@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from pliant.formatting import listed, output_unit, plural, whole_percent
-from pliant.report.chart import Band, Chart, ChartAxis, ChartLine, Panel
-from pliant.report.chart_colours import INK, SERIES
 from pliant.report.document import (
     Column,
     Document,
     Drawn,
+    Picture,
+    Section,
+    Table,
     Warned,
     as_json,
     brief_table,
@@ -24,12 +23,19 @@ from pliant.report.document import (
     picture,
     section,
 )
+from pliant_bench.loop.compared import fall_of_error
 from pliant_bench.loop.decision import Ended
-from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns
+from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
+from pliant_bench.loop.improving import ImprovedStudy
+from pliant_bench.loop.report_charts import hypothesis, probability_chart, read_outputs, runs_chart
 from pliant_bench.loop.terminal import bits
 
-NOTHING = "nothing missing"
-MOST_HYPOTHESES, MOST_RUNS, MOST_POINTS = 6, 12, 400
+PREDICTED = (
+    "Readings, and what the study's model reads with and without the explanation of the last diagnosis. Bands: two "
+    "standard deviations, of the noise and, with the explanation, of its parameters. Below: the errors, measured minus "
+    "model."
+)
+MOST_RUNS = 12
 
 
 @dataclass(frozen=True)
@@ -64,13 +70,13 @@ class RunStory:
 
 WORDS: tuple[Column[RunStory], ...] = (
     Column("number", head="run"),
-    Column("plan.words", "run", head="what was done"),
+    Column("recording.words", "run", head="what was done"),
     Column("plan.why", head="why"),
     Column("recording.ending", "ending", head="ending"),
 )
 NUMBERS: tuple[Column[RunStory], ...] = (
     Column("number", head="run", brief="run"),
-    Column("plan.minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
+    Column("recording.minutes", "minutes", head="min", brief="min", show=lambda m: f"{m:.2g}"),
     Column("plan.expected_nats", head="expected", brief="expected", show=bits),
     Column("obtained_nats", head="obtained", brief="obtained", show=bits),
     Column("verdict.verdict", head="verdict after it"),
@@ -86,15 +92,10 @@ NUMBERS: tuple[Column[RunStory], ...] = (
 )
 
 
-def hypothesis(kinds: Sequence[str]) -> str:
-    """Return the name of an explanation."""
-    return " + ".join(kinds) or NOTHING
-
-
 def experiment_document(
-    title: str, folder: ExperimentFolder, ended: Ended, minutes: float, improved: str | None
+    title: str, folder: ExperimentFolder, ended: Ended, minutes: float, improved: ImprovedStudy | None
 ) -> Document:
-    """Return the document of an experiment that has ended; `improved` is the file of the better study, if any."""
+    """Return the document of an experiment that has ended; `improved` is the better study, if one was asked for."""
     stories = [RunStory.from_folder(one) for one in folder.rounds() if one.is_recorded]
     last = next((s.verdict for s in reversed(stories) if s.verdict is not None), None)
     verdict = "No verdict was reached." if last is None else last["sentence"]
@@ -118,21 +119,22 @@ def experiment_document(
             "rmse_over_floor": None if last is None else _leading(last).get("rmse_over_floor"),
             "runs": [as_json((*WORDS, *NUMBERS), story) for story in stories],
             "recordings": [str(path) for path in folder.recordings()],
-            "improved_study": improved,
+            "improved_study": None if improved is None or improved.path is None else str(improved.path),
+            "improved": None if improved is None else improved.json(),
         },
         brief=(brief_table(NUMBERS, stories),),
         warnings=tuple(
-            Warned(f"Run {s.number} was not complete ({s.recording['ending']}): {s.recording['reason']}")
-            for s in stopped
+            Warned(f"Run {s.number} was {s.recording['words']}. {s.recording['reason']}") for s in stopped
         ),
         closing=(
             verdict,
             *([] if last is None else _numbers(last)),
             end,
-            *([f"improved study {improved}"] if improved else []),
+            *(improved.sentences if improved else ()),
+            *([f"improved study {improved.path}"] if improved and improved.path else []),
             f"recordings {folder.path}/run_*/recording_*.csv",
         ),
-        draw=partial(_drawn, stories, folder),
+        draw=partial(_drawn, stories, folder, improved),
         footer=f"Recordings: {listed([p.parent.name for p in folder.recordings()])} in {folder.path}",
     )
 
@@ -159,13 +161,16 @@ def _numbers(verdict: Mapping[str, Any]) -> list[str]:
     return said
 
 
-def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:
+def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder, improved: ImprovedStudy | None) -> Drawn:
     rounds = [one for one in folder.rounds() if one.recording.exists()]
-    outputs = _outputs(rounds)
+    verdicts = {story.number: story.verdict for story in stories if story.verdict is not None}
+    chances = picture(
+        "probabilities", "Probability of the explanations after each run.", probability_chart(verdicts)
+    )
     return drawn(
-        picture(
-            "probabilities", "Probability of the explanations after each run.", probability_chart(stories)
-        ),
+        _effect_picture(rounds),
+        section("Probabilities", chances, open=True),
+        _improved_section(improved),
         section(
             "Run by run",
             page_table("What was done", WORDS, stories, numeric=9),
@@ -180,82 +185,26 @@ def _drawn(stories: Sequence[RunStory], folder: ExperimentFolder) -> Drawn:
         ),
         *(
             section(
-                f"Expected and measured: {output_unit(name).label}",
-                picture(
-                    f"runs_{name}",
-                    "Readings while each run went on, and what was expected before it: the line of the most probable "
-                    "explanation with two standard deviations.",
-                    runs_chart(rounds[-MOST_RUNS:], name),
-                ),
+                f"Predicted and measured: {output_unit(name).label}",
+                picture(f"runs_{name}", PREDICTED, runs_chart(rounds[-MOST_RUNS:], name)),
             )
-            for name in outputs
+            for name in read_outputs(rounds)
         ),
     )
 
 
-def probability_chart(stories: Sequence[RunStory]) -> Chart | None:
-    """Return the probabilities of the explanations over the runs."""
-    judged = [s for s in stories if s.verdict is not None]
-    if not judged:
+def _effect_picture(rounds: Sequence[RoundFolder]) -> Picture | None:
+    """Return the run and the output in which the explanation lowers the error most."""
+    falls = {(k, name): fall for k, one in enumerate(rounds) for name, fall in fall_of_error(one).items()}
+    if not falls:
         return None
-    tables = [
-        {hypothesis(h["kinds"]): float(h["probability"]) for h in (s.verdict or {})["hypotheses"]}
-        for s in judged
-    ]
-    best = {name: max(t.get(name, 0.0) for t in tables) for table in tables for name in table}
-    names = sorted(best, key=lambda name: -best[name])[:MOST_HYPOTHESES]
-    x = np.array([float(s.number) for s in judged])
-    lines = tuple(
-        ChartLine(
-            name,
-            x,
-            100.0 * np.array([t.get(name, 0.0) for t in tables]),
-            "",
-            SERIES[k % len(SERIES)],
-            1.8,
-            6.0,
-        )
-        for k, name in enumerate(names)
-    )
-    axis = ChartAxis("probability", "%", ends=(-2.0, 102.0))
-    return Chart((Panel(ChartAxis("run"), axis, lines),), cell=(1200, 520))
+    k, name = max(falls, key=lambda key: falls[key])
+    return picture("effect", PREDICTED, runs_chart([rounds[k]], name))
 
 
-def runs_chart(rounds: Sequence[RoundFolder], output: str) -> Chart | None:
-    """Return per run the readings of an output over time, and what was expected."""
-    unit, panels = output_unit(output), []
-    for one in rounds:
-        samples, expected = read_columns(one.samples), one.read_expected()
-        if output not in samples:
-            continue
-        marks: list[Band | ChartLine] = []
-        if output in expected:
-            pick = _thin(len(expected["time_s"]))
-            clock, mean = expected["time_s"][pick], unit.factor * expected[output][pick]
-            wide = 2.0 * unit.factor * expected[f"{output} sd"][pick]
-            marks = [
-                Band("expected ± 2 sd", clock, mean - wide, mean + wide),
-                ChartLine("expected", clock, mean, "", SERIES[0], 1.2),
-            ]
-        pick = _thin(len(samples["read_s"]))
-        marks.append(
-            ChartLine(
-                "measured", samples["read_s"][pick], unit.factor * samples[output][pick], "", INK, 0.0, 2.5
-            )
-        )
-        name = (one.read("plan") or {})["name"]
-        panels.append(Panel(ChartAxis("time", "s"), ChartAxis(unit.label, unit.symbol), tuple(marks), name))
-    return Chart(tuple(panels), across=3, cell=(520, 380)) if panels else None
-
-
-def _outputs(rounds: Sequence[RoundFolder]) -> list[str]:
-    names: dict[str, None] = {}
-    for one in rounds:
-        inputs = one.read_protocol().commands
-        own = (*OWN_COLUMNS, *inputs)
-        names |= dict.fromkeys(name for name in read_columns(one.samples) if name not in own)
-    return list(names)
-
-
-def _thin(n: int) -> np.ndarray[Any, np.dtype[np.intp]]:
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.intp))
+def _improved_section(improved: ImprovedStudy | None) -> Section | None:
+    if improved is None:
+        return None
+    rows = [[one.name, "yes" if one.in_verdict else "no", one.why] for one in improved.added]
+    table = Table("What it adds", ["block", "named by the verdict", "why"], rows, numeric=3)
+    return Section("The improved study", (), (table,) if rows else (), "", improved.sentences, True)

@@ -7,72 +7,41 @@ without a recording is recorded from its samples, or performed; a recording with
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
 
 from pliant import api
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.execution.executors import Workers
 from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_json
-from pliant_bench.bench import Bench, BenchProtocol, BenchRecording, Watch
+from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.choose import Choice
-from pliant_bench.config import ExperimentConfig
 from pliant_bench.limits import check_protocol
-from pliant_bench.loop.decision import Ended, budget_spent, nothing_to_tell, verdict_reached
+from pliant_bench.loop.compared import write_compared
+from pliant_bench.loop.decision import (
+    Ended,
+    budget_spent,
+    nothing_to_tell,
+    rounds_held,
+    verdict_ends,
+    verdict_holds,
+)
 from pliant_bench.loop.expectation import expect, expect_without_data
+from pliant_bench.loop.experiment import Experiment
+from pliant_bench.loop.fit_progress import DIAGNOSING
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.information import obtained_nats
 from pliant_bench.loop.perform import STOP_BUTTON, perform, record_from_samples
-from pliant_bench.loop.person import Person
-from pliant_bench.loop.view import View
 from pliant_bench.plans import history_from_columns
-from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
+from pliant_bench.watchdog import Expectation
 
 # Runs that a watchdog may stop one after the other before the experiment ends.
 MOST_STOPPED = 3
+# A rival of a verdict has had its chance after so many runs that would have shown it; a single one may miss a weak one.
+ENOUGH_RUNS = 2
+GOES_ON = "The same command goes on once the bench answers."
 # Seconds between two looks at the stop button while the specimen rests.
 REST_STEP_S = 0.2
-
-
-class Planner(Protocol):
-    """Who chooses the runs."""
-
-    def repeat(self, number: int) -> Choice:
-        """Return a repeat of the first condition; `number` from 1."""
-        ...
-
-    def next(
-        self, data: Measurement, diagnosis: Diagnosis, done: Sequence[BenchProtocol], minutes_left: float
-    ) -> Choice:
-        """Return the run with the most expected information per minute; without a protocol where none helps."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Experiment:
-    """What a loop works with; `inputs` are those of the model, `kinds` the candidates of the diagnoses."""
-
-    opened: api.OpenStudy
-    settings: ExperimentConfig
-    bench: Bench
-    folder: ExperimentFolder
-    inputs: Sequence[str]
-    kinds: Sequence[str]
-    planner: Planner
-    person: Person
-    view: View = field(default_factory=View)
-    workers: Workers = None
-
-    def watches(self, protocol: BenchProtocol, expected: Expectation, is_compared: bool) -> list[Watch]:
-        """Return what looks at every sample of a run; a prediction is judged once the model was compared."""
-        config = WatchdogConfig(
-            self.settings.silence_s,
-            {name: envelope.limits(name) for name, envelope in self.settings.outputs.items()},
-            self.settings.missed_prediction if is_compared else None,
-        )
-        return [self.view.sample, Watchdog(protocol, config, expected)]
 
 
 def run_rounds(experiment: Experiment) -> Ended:
@@ -96,6 +65,10 @@ def run_rounds(experiment: Experiment) -> Ended:
             recordings.append(_perform(experiment, last, latest[1] if latest else None))
             if (ended := _stopped(recordings)) is not None:
                 return ended
+            if recordings[-1].ending == "lost":
+                if not _reconnected(experiment, last):
+                    return Ended("bench", f"{recordings[-1].reason} {GOES_ON}")
+                _plan_again(experiment, last)
             continue
         repeats = sum(_is_complete_repeat(one) for one in rounds)
         if repeats < experiment.settings.first_repeats:
@@ -105,19 +78,33 @@ def run_rounds(experiment: Experiment) -> Ended:
         if last.read("verdict") is None:
             latest = (last.number, _diagnose(experiment, rounds))
         verdicts = [one for folder in rounds if (one := folder.read("verdict")) is not None]
-        if (ended := verdict_reached(verdicts, experiment.settings)) is not None:
-            return ended
+        if (end := last.read("end")) is not None:
+            return verdict_ends(verdicts, end["why"])
+        holds = verdict_holds(verdicts, experiment.settings)
+        spent = sum(run_minutes(one) for one in rounds)
+        if (over := budget_spent(len(rounds), spent, experiment.settings, holds)) is not None:
+            return over
         if latest is None or latest[0] != last.number:  # resumed after a verdict
             latest = (last.number, _diagnose(experiment, rounds))
-        spent = sum(_minutes(one) for one in rounds)
-        if (ended := budget_spent(len(rounds), spent, experiment.settings)) is not None:
-            return ended
-        done = [one.read_recording().protocol for one in rounds]
+        done = [one.read_recording() for one in rounds]
         left = experiment.settings.minutes - spent
-        choice = experiment.planner.next(_measurement(experiment), latest[1], done, left)
+        met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
+        experiment.folder.write_status(doing="planning", run=last.number, since=time.time())
+        choice = experiment.planner.next(_measurement(experiment), latest[1], done, left, met)
+        if holds and choice.protocol is None:
+            last.write("end", {"why": choice.why})
+            continue
         if choice.protocol is None or not choice.splits:
             return nothing_to_tell(choice.purpose == "decide", verdicts[-1])
         _plan(experiment, choice, "chosen")
+
+
+def exposed_since(rounds: Sequence[RoundFolder], held: int) -> frozenset[str]:
+    """Return the effects that `ENOUGH_RUNS` complete runs would have shown beside a verdict since it was reached."""
+    judged = [one for one in rounds if one.read("verdict") is not None]
+    since = [one for one in judged[len(judged) - held + 1 :] if _is_complete(one)]
+    shown = Counter(kind for one in since for kind in (one.read("plan") or {}).get("exposes", ()))
+    return frozenset(kind for kind, count in shown.items() if count >= ENOUGH_RUNS)
 
 
 def recover(folder: ExperimentFolder) -> None:
@@ -144,6 +131,7 @@ def _plan(experiment: Experiment, choice: Choice, kind: str) -> None:
         "why": choice.why,
         "expected_nats": choice.expected_nats if kind == "chosen" else None,
         "purpose": choice.purpose,
+        "exposes": choice.exposes,
         "minutes": choice.minutes,
         "specimen": str(specimen + choice.protocol.new_specimen),
         "setting": experiment.settings.standing | setting(rounds),
@@ -170,7 +158,7 @@ def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis |
     if changes or protocol.new_specimen:
         experiment.person.set_conditions(changes, protocol.new_specimen)
     expected = _expected(experiment, protocol, asked, diagnosis)
-    folder.write_expected(expected.mean, expected.sd, protocol.time_s)
+    folder.write_expected(expected, protocol.time_s)
     _rest(experiment, folder)
     experiment.view.begins(protocol, expected)
     experiment.folder.write_status(doing="running", run=folder.number, since=time.time())
@@ -185,6 +173,23 @@ def _perform(experiment: Experiment, folder: RoundFolder, diagnosis: Diagnosis |
     )
     experiment.view.recorded(folder, folder.read("recording") or {})
     return recording
+
+
+def _reconnected(experiment: Experiment, folder: RoundFolder) -> bool:
+    """Connect again after a lost connection; return whether the bench answers."""
+    experiment.folder.write_status(doing="reconnecting", run=folder.number, since=time.time())
+    experiment.view.reconnecting(folder)
+    return experiment.bench.reconnect()
+
+
+def _plan_again(experiment: Experiment, folder: RoundFolder) -> None:
+    """Plan the run that a lost connection cut short once more."""
+    plan = folder.read("plan") or {}
+    why = f"Run {folder.number} was cut short by a lost connection; it is repeated."
+    nats, minutes = plan["expected_nats"] or 0.0, plan["minutes"]
+    shown = tuple(plan.get("exposes", ()))
+    choice = Choice(folder.read_protocol(), plan["purpose"], why, nats, minutes, exposes=shown)
+    _plan(experiment, choice, plan["kind"])
 
 
 def _rest(experiment: Experiment, folder: RoundFolder) -> None:
@@ -214,16 +219,17 @@ def _expected(
 def _diagnose(experiment: Experiment, rounds: Sequence[RoundFolder]) -> Diagnosis:
     """Diagnose all recordings, and write the verdict unless it is there."""
     last = rounds[-1]
-    experiment.folder.write_status(doing="diagnosing", run=last.number, since=time.time())
+    earlier = next((one for f in reversed(rounds[:-1]) if (one := f.read("verdict")) is not None), None)
+    progress = experiment.progress(DIAGNOSING, earlier)
     diagnosis = api.diagnose(
         experiment.opened,
         _measurement(experiment),
         kinds=experiment.kinds,
-        tick=experiment.view.diagnosing,
+        tick=progress.tick,
         workers=experiment.workers,
     )
+    write_compared(diagnosis, rounds)
     if last.read("verdict") is None:
-        earlier = next((one for f in reversed(rounds[:-1]) if (one := f.read("verdict")) is not None), None)
         verdict = diagnosis_json(diagnosis)
         last.write(
             "verdict",
@@ -232,6 +238,7 @@ def _diagnose(experiment: Experiment, rounds: Sequence[RoundFolder]) -> Diagnosi
                 "sentence": diagnosis.judgement.sentence,
                 "obtained_nats": obtained_nats(earlier, verdict),
                 "wall_s": diagnosis.wall_s,
+                "fits": progress.done,
             },
         )
     experiment.view.diagnosed(last, last.read("verdict") or {})
@@ -243,21 +250,24 @@ def _measurement(experiment: Experiment) -> Measurement:
 
 
 def _stopped(recordings: Sequence[BenchRecording]) -> Ended | None:
-    """Return the end after the stop button, a lost connection, or several runs that were stopped in a row."""
+    """Return the end after the stop button, or after several runs in a row that were cut short."""
     if recordings[-1].reason == STOP_BUTTON:
         return Ended("stopped", STOP_BUTTON)
-    if recordings[-1].ending == "lost":
-        return Ended("bench", f"{recordings[-1].reason} The same command goes on once the bench answers.")
     last = recordings[-MOST_STOPPED:]
     if len(last) == MOST_STOPPED and all(one.ending != "complete" for one in last):
-        return Ended("bench", f"{MOST_STOPPED} runs were stopped one after the other: {last[-1].reason}")
+        return Ended("bench", f"{MOST_STOPPED} runs were cut short one after the other: {last[-1].reason}")
     return None
 
 
+def _is_complete(folder: RoundFolder) -> bool:
+    return (folder.read("recording") or {}).get("ending") == "complete"
+
+
 def _is_complete_repeat(folder: RoundFolder) -> bool:
-    plan, recording = folder.read("plan") or {}, folder.read("recording") or {}
-    return plan.get("kind") == "repeat" and recording.get("ending") == "complete"
+    return (folder.read("plan") or {}).get("kind") == "repeat" and _is_complete(folder)
 
 
-def _minutes(folder: RoundFolder) -> float:
-    return float((folder.read("plan") or {})["minutes"])
+def run_minutes(folder: RoundFolder) -> float:
+    """Return the minutes of bench time that a run took, or is planned to take."""
+    recording = folder.read("recording") or {}
+    return float(recording.get("minutes", (folder.read("plan") or {})["minutes"]))

@@ -13,6 +13,7 @@ import typer
 from pliant.cli.session import Session
 from pliant.formatting import listed, output_unit, plural, whole_percent
 from pliant_bench.bench import BenchProtocol, BenchSample
+from pliant_bench.loop.fit_progress import IMPROVING, FitProgress
 from pliant_bench.loop.folder import RoundFolder
 from pliant_bench.loop.person import Person, words
 from pliant_bench.loop.view import View
@@ -20,18 +21,20 @@ from pliant_bench.watchdog import Expectation
 
 # Seconds between two updates of the line.
 EVERY_S = 0.1
+# The same without a terminal.
+SAID_EVERY_S = 15.0
 MOST_SHOWN = 3
 
 
 class TerminalView(View):
     """Lines of a verb's session; the live line is on standard error, and only on a terminal."""
 
-    def __init__(self, session: Session, n_hypotheses: int) -> None:
-        self._session, self._n = session, n_hypotheses
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self._live = session.err.is_terminal and not session.quiet
         self._protocol: BenchProtocol | None = None
         self._expected: Expectation | None = None
-        self._shown_s, self._fitted = -math.inf, 0
+        self._shown_s, self._said_s = -math.inf, -math.inf
 
     def planned(self, folder: RoundFolder, plan: Mapping[str, Any]) -> None:
         """Print the run and why it was chosen."""
@@ -61,19 +64,31 @@ class TerminalView(View):
         self._clear()
         late = f", {plural(len(recording['late']), 'late sample')}" if recording["late"] else ""
         self._session.say(f"  {plural(recording['samples'], 'sample')} recorded{late}")
-        if recording["reason"]:
+        if recording["ending"] != "complete":
             self._session.say(f"  {recording['ending']}: {recording['reason']}")
+            self._session.say(f"  {recording['words']}")
 
-    def diagnosing(self, hypothesis: str) -> None:
-        """Rewrite the live line."""
-        self._fitted += 1
-        if self._live:
-            self._write(f"  diagnosing: {hypothesis}, {self._fitted} of about {self._n} fits")
+    def reconnecting(self, folder: RoundFolder) -> None:
+        """Print that the connection is opened again."""
+        self._session.say("  connecting again …")
+
+    def fitting(self, progress: FitProgress) -> None:
+        """Rewrite the live line; where there is none, print a line of an improvement now and then."""
+        now = time.monotonic()
+        if self._live and now - self._shown_s >= EVERY_S:
+            self._shown_s = now
+            self._write(f"  {progress.words}")
+        elif not self._live and progress.doing == IMPROVING and now - self._said_s >= SAID_EVERY_S:
+            self._said_s = now
+            self._session.say(f"  {progress.words}")
+
+    def improved(self) -> None:
+        """Clear the live line."""
+        self._clear()
 
     def diagnosed(self, folder: RoundFolder, verdict: Mapping[str, Any]) -> None:
         """Print the verdict."""
         self._clear()
-        self._fitted = 0
         gained = verdict["obtained_nats"]
         gain = "" if gained is None else f" (obtained {bits(gained)})"
         self._session.say(f"  {verdict['sentence']}{gain}")

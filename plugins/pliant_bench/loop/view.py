@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pliant_bench.bench import BenchProtocol, BenchSample
+from pliant_bench.loop.fit_progress import FitProgress
 from pliant_bench.loop.folder import RoundFolder
 from pliant_bench.watchdog import Expectation
 
@@ -25,8 +26,14 @@ class View:
     def recorded(self, folder: RoundFolder, recording: Mapping[str, Any]) -> None:
         """Show how a run ended."""
 
-    def diagnosing(self, hypothesis: str) -> None:
-        """Show progress of a diagnosis: a hypothesis was fitted."""
+    def reconnecting(self, folder: RoundFolder) -> None:
+        """Show that the connection was lost in this run and is opened again."""
+
+    def fitting(self, progress: FitProgress) -> None:
+        """Show progress of a diagnosis or of the improvement: a hypothesis was fitted."""
 
     def diagnosed(self, folder: RoundFolder, verdict: Mapping[str, Any]) -> None:
         """Show the verdict after a run."""
+
+    def improved(self) -> None:
+        """Show that the improvement at the end is done."""
