@@ -121,6 +121,7 @@ class HandConfig(ActuatedConfig):
         default=False,
         description="whether fingers touch each other, and themselves where they curl up; engine mujoco",
     )
+
     @model_validator(mode="after")
     def _one_radius(self) -> HandConfig:
         if self.base_radius_m is not None and self.base_inset_m is not None:

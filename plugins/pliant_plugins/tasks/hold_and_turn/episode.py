@@ -116,20 +116,27 @@ def _between(before: Levels, after: Levels, frames: int) -> Iterator[Levels]:
         ]
 
 
-def play(simulation: SceneSimulation, config: HoldAndTurnConfig, grip: Mapping[str, float]) -> Episode:
-    """Drive a scene at rest through the whole task."""
-    turning = cycle(config, grip)
+def take_hold(simulation: SceneSimulation, config: HoldAndTurnConfig, grip: Mapping[str, float]) -> Episode:
+    """Drive a scene at rest until the object is in the hand."""
     record = SceneRecord(simulation.scene, LOOK_FRAMES)
     episode = Episode(record, [[dict.fromkeys(grip, 0.0)] * config.fingers])
     record.see(simulation)
     for command in holding(config, grip):
         episode.follow(simulation, command)
+    simulation.carry(np.zeros(3))
     episode.ends.append(len(episode.inputs) - 1)
+    return episode
+
+
+def play(simulation: SceneSimulation, config: HoldAndTurnConfig, grip: Mapping[str, float]) -> Episode:
+    """Drive a scene at rest through the whole task."""
+    turning = cycle(config, grip)  # a wrong name is reported before anything moves
+    episode = take_hold(simulation, config, grip)
     for number in range(config.turn.cycles):
         for command in turning:
             if command.name == "turn" or number == 0:
                 episode.follow(simulation, command)
         episode.ends.append(len(episode.inputs) - 1)
     episode.follow(simulation, Command("final", config.final_time_s, episode.inputs[-1]))
-    record.look(simulation)
+    episode.record.look(simulation)
     return episode

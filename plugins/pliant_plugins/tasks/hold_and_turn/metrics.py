@@ -16,6 +16,11 @@ from pliant_plugins.tasks.hold_and_turn.config import HoldAndTurnConfig
 from pliant_plugins.tasks.hold_and_turn.episode import Episode
 
 
+def unit_axis(config: HoldAndTurnConfig) -> Array:
+    """Return the unit vector (3,) about which the turn is measured."""
+    return np.array(config.axis, float) / np.linalg.norm(config.axis)
+
+
 def turns_rad(rotations: Array, axis: Array) -> Array:
     """Return (t,) turn about a unit axis since the first of the rotations (t, 3, 3), continuous over full turns.
 
@@ -55,7 +60,7 @@ def is_held(contacts: Sequence[Contact], config: HoldAndTurnConfig) -> bool:
 def metrics(episode: Episode, config: HoldAndTurnConfig) -> dict[str, float]:
     """Return the numbers of an episode; forces, slip and work are those of the turning."""
     record, begin, last = episode.record, episode.ends[0], episode.last
-    axis = np.array(config.axis, float) / np.linalg.norm(config.axis)
+    axis = unit_axis(config)
     states, seen = record.states[begin:], record.contacts[begin : last + 1]
     turns = turns_rad(np.array([state.rotations[0] for state in states]), axis)
     com = np.asarray(record.scene.objects[0].mass.com_m)

@@ -17,7 +17,7 @@ from pliant_plugins.tasks.grasp.metrics import contact_rows, sunk_in
 from pliant_plugins.tasks.grasp.scene import Draw, GraspObject, grasp_object, grasp_scene
 from pliant_plugins.tasks.hold_and_turn.config import HoldAndTurnConfig
 from pliant_plugins.tasks.hold_and_turn.episode import Episode, play
-from pliant_plugins.tasks.hold_and_turn.metrics import cycle_turns_rad, metrics, turns_rad
+from pliant_plugins.tasks.hold_and_turn.metrics import cycle_turns_rad, metrics, turns_rad, unit_axis
 from pliant_plugins.tasks.obstacles import rounded
 
 MEASURED = (
@@ -80,9 +80,9 @@ class HoldAndTurn(SceneTask):
 
     def _details(self, episode: Episode) -> dict[str, Any]:
         """Return the turn of each cycle, the contacts at the end, and remarks."""
-        record, axis = episode.record, np.array(self.config.axis, float)
+        record = episode.record
         rotations = np.array([state.rotations[0] for state in record.states[episode.ends[0] :]])
-        turns = turns_rad(rotations, axis / np.linalg.norm(axis))
+        turns = turns_rad(rotations, unit_axis(self.config))
         details: dict[str, Any] = {
             "cycle_turns_rad": cycle_turns_rad(episode, turns),
             "contacts": contact_rows(record.contacts[-1]),
