@@ -67,7 +67,7 @@ class HoldAndTurnEnv(SoftRobotEnv):
         body = self.scene.objects[0]
         self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
         self._turn_rad = self._wanted_rad = 0.0
-        self._contacts = self.simulation.contacts()
+        self._contacts = self._held = self.simulation.contacts()
         coordinates = sum(q.size for q in self._rest.coordinates)
         self._set_spaces(self._grip.size, 2 * coordinates + 12 + len(self.scene.arms) + self._grip.size)
 
@@ -81,8 +81,7 @@ class HoldAndTurnEnv(SoftRobotEnv):
         self._turn_rad = 0.0
         self.simulation.restore(self._rest)
         self._command()
-        self._state = self.simulation.snapshot()
-        self._contacts = self.simulation.contacts()
+        self._state, self._contacts = self._rest, self._held
 
     def _advance(self, action: Array) -> bool:
         self._previous, self._shares = self._shares, 0.5 * (action.reshape(self._grip.shape) + 1.0)
