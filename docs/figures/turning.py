@@ -9,14 +9,14 @@ from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from pliant_view.mujoco.drawing import SceneDrawing
-from pliant_view.mujoco.painter import Painter
 
 from pliant.api import open_study
 from pliant.interfaces.effect import Model
 from pliant.pipeline.motion import drawn_chain, prepared_chain, with_surfaces
 from pliant.pipeline.simulate import scene_engine
 from pliant.pipeline.study import StudyRun, build_study_laws
+from pliant_view.mujoco.drawing import SceneDrawing
+from pliant_view.mujoco.painter import Painter
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "docs" / "pictures" / "hold_and_turn.png"

@@ -16,11 +16,11 @@ from pliant.interfaces.effect import Model
 from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map
-from pliant.pipeline.chain import Segment, build_chain
+from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.pipeline.simulate import scene_engine
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.rollout import TaskResult
-from pliant.testing.samples import linear_law, rod_module, sample_chain
+from pliant.testing.samples import sample_chain
 from pliant_plugins.tasks.hold_and_turn.config import HoldAndTurnConfig
 from pliant_plugins.tasks.hold_and_turn.episode import cycle, play
 from pliant_plugins.tasks.hold_and_turn.metrics import metrics, turns_rad
