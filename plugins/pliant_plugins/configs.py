@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from pliant_plugins.tasks.follow_shape import FollowShapeConfig as FollowShapeConfig
     from pliant_plugins.tasks.grasp.config import GraspConfig as GraspConfig
     from pliant_plugins.tasks.helical_hang import HelicalHangConfig as HelicalHangConfig
+    from pliant_plugins.tasks.hold_and_turn.config import HoldAndTurnConfig as HoldAndTurnConfig
     from pliant_plugins.tasks.push.config import PushConfig as PushConfig
     from pliant_plugins.tasks.ramp import FreeBendingConfig as FreeBendingConfig
     from pliant_plugins.tasks.ramp import TipLoadConfig as TipLoadConfig

@@ -286,6 +286,20 @@ COMPONENTS = (
     ),
     _shipped(
         "task",
+        "hold_and_turn",
+        "tasks.hold_and_turn.task:HoldAndTurn",
+        "hold an object with fingers and turn it in the hand",
+        config="tasks.hold_and_turn.config:HoldAndTurnConfig",
+        example={
+            "object": "cylinder",
+            "pressure": "8 kPa",
+            "turn": {"keyframes": [{"time": "0.2 s", "inputs": [{"pressure_pa": "9 kPa"}]}]},
+        },
+        lazy=("trimesh",),
+        install="pip install 'pliant[grasp]'",
+    ),
+    _shipped(
+        "task",
         "grasp",
         "tasks.grasp.task:Grasp",
         "lower fingers over an object, actuate them and lift it",

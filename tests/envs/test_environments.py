@@ -14,7 +14,7 @@ import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant.errors import UserError  # noqa: E402
 from pliant_plugins.envs.registration import ENVIRONMENTS  # noqa: E402
 
-SCENES = ("pliant/Grasp-v0", "pliant/Push-v0", "pliant/ReachAround-v0")
+SCENES = ("pliant/Grasp-v0", "pliant/HoldAndTurn-v0", "pliant/Push-v0", "pliant/ReachAround-v0")
 CHAINS = [name for name in ENVIRONMENTS if name not in SCENES]
 # 22 spherical joints are slow: fewer steps suffice.
 SHORT = {"episode_s": 0.5}
@@ -189,6 +189,7 @@ def test_a_users_own_study(tmp_path):
         ("pliant/FreeBending-v0", "quasistatic", "has equilibria only"),
         ("pliant/Grasp-v0", "mujoco", "needs a study with 'task: {kind: grasp"),
         ("pliant/Push-v0", "mujoco", "needs a study with 'task: {kind: push"),
+        ("pliant/HoldAndTurn-v0", "mujoco", "needs a study with 'task: {kind: hold_and_turn"),
         ("pliant/ReachAround-v0", "mujoco", "needs a study with 'task: {kind: reach_around"),
     ],
 )
@@ -261,4 +262,35 @@ def test_the_pressures_of_inverse_statics_reach_around_the_shelf():
     env.reset(seed=0, options={"shift_m": [0.0, 0.0, 0.0]})
     _, hanging, *_ = env.step(-np.ones(2, np.float32))
     assert reward > hanging + 0.2
+    env.close()
+
+
+def test_fingers_turn_the_object_by_the_wanted_angle():
+    """The pressures that swing the fingers follow the turn that is left; those at rest earn less."""
+    env = gymnasium.make("pliant/HoldAndTurn-v0")
+    inner = env.unwrapped
+    fingers, inputs = len(inner.scene.arms), len(inner.inputs)
+    swing = inner._grip[0, inner.inputs.index("pressure_3_pa")] - inner._grip[0, -1]
+
+    def integral(seen):
+        nonlocal swing
+        left = seen[-fingers * inputs - fingers - 1]
+        swing = float(np.clip(swing + 0.1 * left, -1.0, 1.0))
+        shares = np.tile(inner._grip[0], (fingers, 1))
+        shares[:, 2:] = max(swing, 0.0), max(-swing, 0.0)
+        return (2 * shares.ravel() - 1).astype(np.float32)
+
+    still = (2 * inner._grip.ravel() - 1).astype(np.float32)
+    rewards = []
+    for policy in (integral, lambda _: still):
+        seen, _ = env.reset(seed=0, options={"turn_rad": 0.25})
+        total = 0.0
+        for _ in range(60):
+            seen, reward, _, _, info = env.step(policy(seen))
+            total += reward
+        rewards.append((total, info))
+    assert rewards[0][1]["is_success"] and rewards[0][1]["held"] and not rewards[1][1]["is_success"]
+    assert rewards[0][0] > rewards[1][0] + 10
+    with pytest.raises(UserError, match="needs a number of radians"):
+        env.reset(options={"turn_rad": "far"})
     env.close()

@@ -12,6 +12,7 @@ ENVIRONMENTS = {
     "pliant/Reach-v0": f"{HERE}.control:MeasuredReachEnv",
     "pliant/Track-v0": f"{HERE}.control:MeasuredTrackEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
+    "pliant/HoldAndTurn-v0": f"{HERE}.hold_and_turn:HoldAndTurnEnv",
     "pliant/Push-v0": f"{HERE}.push:PushEnv",
     "pliant/ReachAround-v0": f"{HERE}.reach_around:ReachAroundEnv",
 }

@@ -16,9 +16,13 @@ from pliant.records.scene import Contact, Scene, SceneFrames, SceneState, SceneS
 
 @dataclass(eq=False)
 class SceneRecord:
-    """What was seen of one scene: per frame its state, its contacts and each arm's markers (n + 2, 3)."""
+    """What was seen of one scene: per frame its state, its contacts and each arm's markers (n + 2, 3).
+
+    The arms' poses and the laws' domains are looked at in every `every`-th frame.
+    """
 
     scene: Scene
+    every: int = 1
     states: list[SceneState] = field(default_factory=list)
     contacts: list[tuple[Contact, ...]] = field(default_factory=list)
     markers_m: list[list[Array]] = field(default_factory=list)
@@ -32,11 +36,16 @@ class SceneRecord:
         self.states.append(simulation.snapshot())
         self.contacts.append(simulation.contacts())
         self.markers_m.append([simulation.markers(k) for k in arms])
+        if len(self.states) % self.every == 0:
+            self.look(simulation)
+
+    def look(self, simulation: SceneSimulation) -> None:
+        """Record the arms' poses, and where laws are used outside their domains at present."""
         for entry in simulation.outside_domain():
             key = (entry.module, entry.variable)
             if key not in self.outside or abs(entry.excess) > abs(self.outside[key].excess):
                 self.outside[key] = entry
-        poses = [simulation.pose(k) for k in arms]
+        poses = [simulation.pose(k) for k in range(len(self.scene.arms))]
         self.final, self.settled = poses[0], all(pose.converged for pose in poses)
 
     def drive(

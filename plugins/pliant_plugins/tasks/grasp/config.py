@@ -74,15 +74,10 @@ def _named(value: Any) -> Any:
     raise PydanticCustomError("object", "{sentence}", {"sentence": sentence})
 
 
-class GraspConfig(ActuatedConfig):
-    """``task: {kind: grasp, object: egg, extra_weights: 5, pressure: 15 kPa}``; the fingers are copies of the chain.
-
-    Defaults are those of the gripper in Yao, Howard, Maiolino (2026), doi 10.1002/aisy.70406: lowered for 2 s,
-    actuated within 1 s, lifted for 2 s, 6 s in all.
-    """
+class HandConfig(ActuatedConfig):
+    """Fingers, copies of the chain, around an object: where they stand, and how they take hold and lift."""
 
     places_base: ClassVar[bool] = True
-    kind: Literal["grasp"] = "grasp"
     object: Annotated[ObjectConfig, BeforeValidator(_named)] = Field(
         description="egg, cylinder, or {mesh: part.stl, scale: 0.001, mass: 30 g}"
     )
@@ -126,6 +121,22 @@ class GraspConfig(ActuatedConfig):
         default=False,
         description="whether fingers touch each other, and themselves where they curl up; engine mujoco",
     )
+
+    @model_validator(mode="after")
+    def _one_radius(self) -> HandConfig:
+        if self.base_radius_m is not None and self.base_inset_m is not None:
+            raise ValueError("give either 'base_radius' or 'base_inset'")
+        return self
+
+
+class GraspConfig(HandConfig):
+    """``task: {kind: grasp, object: egg, extra_weights: 5, pressure: 15 kPa}``; the fingers are copies of the chain.
+
+    Defaults are those of the gripper in Yao, Howard, Maiolino (2026), doi 10.1002/aisy.70406: lowered for 2 s,
+    actuated within 1 s, lifted for 2 s, 6 s in all.
+    """
+
+    kind: Literal["grasp"] = "grasp"
     noise: NoiseConfig = Field(
         default=NoiseConfig(), description="what varies between trials; or the study's"
     )
@@ -133,9 +144,3 @@ class GraspConfig(ActuatedConfig):
     seed: int = Field(
         default=0, ge=0, description="of the trials' noise; trial k is the same for any `trials`"
     )
-
-    @model_validator(mode="after")
-    def _one_radius(self) -> GraspConfig:
-        if self.base_radius_m is not None and self.base_inset_m is not None:
-            raise ValueError("give either 'base_radius' or 'base_inset'")
-        return self

@@ -11,7 +11,7 @@ from pliant.interfaces.simulation import SceneSimulation
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, OutsideDomain
 from pliant.records.scene import Contact, SceneState
-from pliant_plugins.tasks.grasp.config import GraspConfig
+from pliant_plugins.tasks.grasp.config import GraspConfig, HandConfig
 
 RECORD_S = 0.04  # between frames
 COMMAND_S = 0.01  # between changes of the actuation on the ramp
@@ -43,7 +43,7 @@ class Phase:
             yield self.duration_s / (frames * parts), share, (k + 1) % parts == 0
 
 
-def phases(config: GraspConfig) -> tuple[Phase, ...]:
+def phases(config: HandConfig) -> tuple[Phase, ...]:
     """Return the phases of the episode; those without duration are left out."""
     found = (
         Phase("lower", config.lower_time_s, -config.lower_height_m, 0.0, 0.0),

@@ -15,7 +15,7 @@ from pliant.records.design import Array, MassProperties
 from pliant.records.scene import Arm, FreeBody, Scene
 from pliant.records.shape import Shape
 from pliant_plugins.solids import convex_parts, read_solid
-from pliant_plugins.tasks.grasp.config import GraspConfig, ObjectConfig
+from pliant_plugins.tasks.grasp.config import GraspConfig, HandConfig, ObjectConfig
 
 DOWN = np.array([0.0, 0.0, -1.0])
 DIMENSIONS = {"egg": (0.030, 0.065, 0.050), "cylinder": (0.016, 0.035, 0.010)}  # radius m, height m, mass kg
@@ -42,7 +42,7 @@ class GraspObject:
     note: str = ""
 
 
-def grasp_object(config: GraspConfig) -> GraspObject:
+def grasp_object(config: HandConfig) -> GraspObject:
     """Return the configured object with its extra weights.
 
     Raises:
@@ -159,7 +159,7 @@ class Draw:
         )
 
 
-def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, draw: Draw) -> Scene:
+def grasp_scene(chain: ChainModel, config: HandConfig, target: GraspObject, draw: Draw) -> Scene:
     """Place copies of the chain around the object, above it by the lowering height.
 
     A finger's chain axis is tilted outward by the inclination; its −z side, toward which it bends, faces the vertical.
@@ -171,7 +171,7 @@ def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, dra
     """
     if not any(chain.shapes):
         raise UserError(
-            "task 'grasp': the chain has no collision shapes; give the study a 'family' block, or the chain a "
+            f"task '{config.kind}': the chain has no collision shapes; give the study a 'family' block, or the chain a "
             "'module_radius'."
         )
     usual = INSETS_M.get(config.object.shape or "", OTHER_INSET_M)
@@ -179,7 +179,7 @@ def grasp_scene(chain: ChainModel, config: GraspConfig, target: GraspObject, dra
     radius = target.radius_m - inset if config.base_radius_m is None else config.base_radius_m
     if radius < 0:
         raise UserError(
-            f"task 'grasp': base_inset {1e3 * inset:g} mm is larger than the object's radius of "
+            f"task '{config.kind}': base_inset {1e3 * inset:g} mm is larger than the object's radius of "
             f"{1e3 * target.radius_m:g} mm."
         )
     # the finger's frame on the world's +x side: x down and outward, −z toward the vertical

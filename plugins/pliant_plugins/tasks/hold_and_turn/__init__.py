@@ -1,0 +1,1 @@
+"""Hold and turn: fingers that hold an object turn it in the hand."""
