@@ -300,7 +300,11 @@ def _object_extents(scene: Scene) -> Array:
     for number, arm in enumerate(scene.arms):
         if arm.base_object is not None:
             place, _ = scene.base_on_object(number)
-            own = float(np.linalg.norm(place)) + arm.chain.length_m + max(map(_extent, arm.chain.shapes), default=0.0)
+            own = (
+                float(np.linalg.norm(place))
+                + arm.chain.length_m
+                + max(map(_extent, arm.chain.shapes), default=0.0)
+            )
             extents[arm.base_object] = max(extents[arm.base_object], own)
     return np.array(extents)
 

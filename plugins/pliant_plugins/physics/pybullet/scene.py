@@ -65,9 +65,7 @@ class BulletScene(ArmsScene):
                 "fingers that touch each other need physics 'mujoco'; take it, or leave 'finger_contact' out."
             )
         for number in range(len(scene.objects)):
-            check_size(
-                *(ChainGeometry.from_chain(a.chain) for a in scene.arms if a.base_object == number)
-            )
+            check_size(*(ChainGeometry.from_chain(a.chain) for a in scene.arms if a.base_object == number))
         for arm in scene.arms:
             check_size(ChainGeometry.from_chain(arm.chain))
         super().__init__(
