@@ -14,7 +14,7 @@ import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant.errors import UserError  # noqa: E402
 from pliant_plugins.envs.registration import ENVIRONMENTS  # noqa: E402
 
-SCENES = ("pliant/Grasp-v0", "pliant/Push-v0", "pliant/ReachAround-v0")
+SCENES = ("pliant/Grasp-v0", "pliant/Push-v0", "pliant/ReachAround-v0", "pliant/Crawl-v0")
 CHAINS = [name for name in ENVIRONMENTS if name not in SCENES]
 # 22 spherical joints are slow: fewer steps suffice.
 SHORT = {"episode_s": 0.5}
@@ -190,6 +190,7 @@ def test_a_users_own_study(tmp_path):
         ("pliant/Grasp-v0", "mujoco", "needs a study with 'task: {kind: grasp"),
         ("pliant/Push-v0", "mujoco", "needs a study with 'task: {kind: push"),
         ("pliant/ReachAround-v0", "mujoco", "needs a study with 'task: {kind: reach_around"),
+        ("pliant/Crawl-v0", "mujoco", "needs a study with 'task: {kind: crawl"),
     ],
 )
 def test_a_study_that_does_not_fit(tmp_path, name, physics, says):
@@ -262,3 +263,21 @@ def test_the_pressures_of_inverse_statics_reach_around_the_shelf():
     _, hanging, *_ = env.step(-np.ones(2, np.float32))
     assert reward > hanging + 0.2
     env.close()
+
+
+def test_the_gait_of_the_study_crawls_to_a_target_ahead():
+    """The hand-made gait earns the way to the target; its mirror image, which crawls back, loses as much."""
+    earned = []
+    for late in (0, 1):
+        env = gymnasium.make("pliant/Crawl-v0", episode_s=4.0)
+        env.reset(seed=0, options={"target_m": 0.2})
+        total = 0.0
+        for k in range(80):
+            share = 0.5 - 0.5 * np.cos(2 * np.pi * (0.05 * (k + 0.5) - 0.25 * np.array([1 - late, late])))
+            _, reward, _, _, info = env.step((2 * share - 1).astype(np.float32))
+            total += reward
+        earned.append((total, info["position_m"]))
+        env.close()
+    (ahead, place), (back, _) = earned
+    assert place > 0.02 and ahead > 1.0
+    assert back < -0.5 * ahead

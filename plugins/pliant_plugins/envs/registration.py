@@ -14,6 +14,7 @@ ENVIRONMENTS = {
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
     "pliant/Push-v0": f"{HERE}.push:PushEnv",
     "pliant/ReachAround-v0": f"{HERE}.reach_around:ReachAroundEnv",
+    "pliant/Crawl-v0": f"{HERE}.crawl:CrawlEnv",
 }
 # Needs a study with a search, and is no robot that moves.
 DESIGN = {"pliant/Design-v0": "pliant_ppo.design_env:DesignEnv"}
