@@ -148,6 +148,7 @@ class SceneDrawing:
             line.size = [THREAD * radius, thread / 2, 0]
         if skin is not None:
             self._add_skin(spec, number, skin, colour)
+        if skin is not None and self.scene.arms[number].base_object is None:
             plate = bodies[0].add_geom(type=GEOMS["box"], rgba=DARK)
             plate.pos, plate.size = _mount(skin, self._straight[number], MOUNT * self.extent.size_m)
 

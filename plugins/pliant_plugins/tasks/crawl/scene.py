@@ -77,7 +77,7 @@ def _on_feet(chain: ChainModel, feet: FeetConfig) -> ChainModel:
     tip = np.asarray(chain.tip_offset_m, float)
     for body, place in [(0, np.zeros(3)), (chain.n_joints, tip)][0 if feet.base else 1 :]:
         sides = [place + np.array([0.0, 0.5 * sign * feet.width_m, 0.0]) for sign in (1.0, -1.0)]
-        shapes[body] += tuple(Shape("sphere", (feet.radius_m,), side, np.eye(3)) for side in sides)
+        shapes[body] += tuple(Shape("sphere", (feet.radius_m,), s, np.eye(3), rigid=True) for s in sides)
     return chain.with_(shapes=tuple(shapes))
 
 
