@@ -115,7 +115,7 @@ class CrawlConfig(TaskConfig):
     )
     friction: Ratio = Field(default=0.5, ge=0, description="coefficient of Coulomb friction on the floor")
     arms: tuple[CrawlerArmConfig, ...] = Field(
-        default=(CrawlerArmConfig(),), min_length=1, max_length=12, description="copies of the chain"
+        default=(), max_length=12, description="copies of the chain; left out, one along x that bends down"
     )
     body: CrawlerBodyConfig | None = Field(
         default=None, description="carries the bases; left out, the base pieces alone are one rigid body"
@@ -133,6 +133,11 @@ class CrawlConfig(TaskConfig):
         if math.hypot(x, y) < 1e-9 or abs(z) > 1e-9:
             raise ValueError("'direction' is horizontal: x and y, not both 0, and z = 0")
         return self
+
+    @property
+    def placed_arms(self) -> tuple[CrawlerArmConfig, ...]:
+        """The stated arms, or the one that stands for none."""
+        return self.arms or (CrawlerArmConfig(),)
 
     def inputs_at(self, clock: float, phase: float, names: tuple[str, ...]) -> dict[str, float]:
         """Return every input of a chain at a time in periods, for an arm of this phase."""

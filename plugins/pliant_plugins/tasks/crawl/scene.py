@@ -43,7 +43,7 @@ def crawl_scene(chain: ChainModel, config: CrawlConfig) -> Scene:
     body = _body(config.body, config.friction)
     chains = [
         chain.with_(base_position_m=np.array(one.base.position_m), base_rotation=base_rotation(one.base))
-        for one in config.arms
+        for one in config.placed_arms
     ]
     lowest = max(support(shape, DOWN) for shape in [*body.shapes, *(s for c in chains for s in _shapes(c))])
     up = np.array([0.0, 0.0, lowest])

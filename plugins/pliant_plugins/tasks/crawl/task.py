@@ -88,7 +88,7 @@ class Crawl(SceneTask):
 
     def commands(self, chain: ChainModel, clock: float) -> list[Mapping[str, float]]:
         """Return the inputs of each arm at a time in periods."""
-        return [self.config.inputs_at(clock, one.phase, chain.inputs) for one in self.config.arms]
+        return [self.config.inputs_at(clock, one.phase, chain.inputs) for one in self.config.placed_arms]
 
     def check_inputs(self, chain: ChainModel) -> None:
         """Refuse a gait of inputs that the chain does not have.
