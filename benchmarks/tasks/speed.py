@@ -3,8 +3,9 @@
 python -m benchmarks.tasks.speed [--quick]    prints, and writes benchmarks/out/tasks_speed.json
 
 Plain MuJoCo is the exported MJCF with its module of laws (`pliant export --part scene`), stepped at the engine's time
-step in contact with the same ramp of the inputs, and nothing read but the tip. The bare scene is stepped without laws,
-as passive springs: what MuJoCo itself costs.
+step in contact with the same inputs, and nothing read but the tip. The bare scene is stepped without laws, as passive
+springs: what MuJoCo itself costs. Engines of `crawl` are compared at hard contacts and short steps; MuJoCo with the
+settings of examples/crawl is shown beside them.
 """
 
 from __future__ import annotations
@@ -18,18 +19,24 @@ from types import ModuleType
 from typing import Any
 
 import mujoco
-import numpy as np
 from benchmarks.grasp.gripper import finger
-from benchmarks.output import Bar, component, engine, known, make_parser, write
+from benchmarks.output import ROOT, Bar, component, engine, known, make_parser, registry, workbench, write
 
 from pliant.api import open_study
+from pliant.config.loading import load_study
 from pliant.interfaces.effect import Model
 from pliant.interfaces.task import SceneTask
 from pliant.pipeline.motion import prepared_chain
 from pliant.pipeline.simulate import scene_engine
+from pliant.pipeline.study import build_study_chain
 from pliant.records.chain import ChainModel
+from pliant.records.rollout import Inputs
 from pliant_plugins.envs.base import STUDIES, stored
+from pliant_plugins.tasks.crawl.task import Crawl
 from pliant_plugins.tasks.scene_record import SceneRecord
+
+# Inputs and the time for which they act.
+Frame = tuple[dict[str, float], float]
 
 TASKS: dict[str, dict[str, Any]] = {
     "reach_around": {
@@ -70,6 +77,18 @@ ENGINES: dict[str, dict[str, Any]] = {
     "mujoco": {"joint_damping": 3e-3, **HARD},
     "pybullet": {"joint_damping": 1e-3},
 }
+# Contacts of an object that is held, and the damping with which PyBullet's steps are not shorter than they need be.
+HANDS: dict[str, dict[str, Any]] = {
+    "mujoco": {**ENGINES["mujoco"], "contact_stiffness": 1e5, "contact_damping": 700},
+    "pybullet": {"joint_damping": 1e-4},
+}
+CRAWLER = ROOT / "examples" / "crawl" / "crawler.yaml"
+DAMPED = {"joint_damping": 1e-3}
+CRAWLERS: dict[str, dict[str, Any]] = {
+    "mujoco": {**DAMPED, **HARD, "slip_damping": 3e3, "contact_timestep": "0.1 ms"},
+    "pybullet": {**DAMPED, "friction_anchors": False},
+    "mujoco, example": {**DAMPED, **HARD, "slip_damping": 1e3},
+}
 FULL = {
     "reach_around": {"pressure_pa": 12e3},
     "push": {"pressure_pa": 15e3},
@@ -80,39 +99,29 @@ FULL = {
         "pressure_4_pa": 2e3,
     },
 }
-# Contacts of an object that is held, and the damping with which PyBullet's steps are not shorter than they need be.
-OF_TASK: dict[str, dict[str, dict[str, Any]]] = {
-    "hold_and_turn": {
-        "mujoco": {"contact_stiffness": 1e5, "contact_damping": 700},
-        "pybullet": {"joint_damping": 1e-4},
-    }
-}
-RAMP_S, HOLD_S, FRAMES = 2.0, 2.0, 25
+RAMP_S, FRAMES = 2.0, 25
 SPEED, AGREE = 0.8, 0.01
 
 
 def main() -> None:
     """Compare every task with plain MuJoCo, interleaved, then the engines with each other."""
     quick = make_parser(__doc__, "fewer repeats").parse_args().quick
-    bars = []
+    bars: list[Bar] = []
     result: dict[str, Any] = {}
     for kind, block in TASKS.items():
         task: SceneTask = component("task", kind, **block)
-        chain = hand_finger() if kind == "hold_and_turn" else finger()
-        cpu = _fastest(task, chain, FULL[kind], 2 if quick else 5)
-        ratio = cpu["plain"] / cpu["ours"]
-        print(f"{kind:<13}" + "".join(f" {name} {value:.3f} s" for name, value in cpu.items()))
-        print(f"{kind:<13} speed {ratio:.2f} × plain MuJoCo, {cpu['bare'] / cpu['ours']:.2f} × without laws")
-        bars.append(
-            Bar(f"{kind}: speed against plain MuJoCo with the same laws", ratio, SPEED, "×", at_most=False)
-        )
-        measured = _measured(task, chain)
+        holds = kind == "hold_and_turn"
+        chain, engines = (hand_finger(), HANDS) if holds else (finger(), ENGINES)
+        cpu, bar = _speed(kind, task, chain, _ramp(FULL[kind]), 2 if quick else 5, engines["mujoco"])
+        bars.append(bar)
+        measured = _measured(task, chain, engines)
+        first, *others = measured
         for name in COMPARED[kind]:
-            first, *others = measured
             for other in others:
                 away = abs(measured[other][name] - measured[first][name]) / abs(measured[first][name])
                 bars.append(Bar(f"{kind}: {name}, {other} against {first}", away, AGREE, "%", scale=100))
-        result[kind] = {"cpu_s": cpu, "ratio": ratio, "metrics": measured}
+        result[kind] = {"cpu_s": cpu, "ratio": bar.reached, "metrics": measured}
+    result["crawl"] = _crawl(bars, 2 if quick else 5)
     write("tasks_speed", result, bars)
 
 
@@ -123,14 +132,56 @@ def hand_finger() -> ChainModel:
     return chain
 
 
-def _engine(task: SceneTask, kind: str) -> Any:
-    """Return an engine with the settings for a task."""
-    return engine(kind, **{**ENGINES[kind], **OF_TASK.get(task.config.kind, {}).get(kind, {})})
+def _crawl(bars: list[Bar], repeats: int) -> dict[str, Any]:
+    """Compare the hand-made crawler of the examples; add its bars."""
+    study = load_study(CRAWLER, registry())
+    chain = build_study_chain(workbench(), study).chain
+    assert study.task is not None
+    task = Crawl(study.task)  # type: ignore[arg-type]
+    config = task.config
+    one = [
+        (dict(task.commands(chain, (k + 0.5) / config.commands)[0]), config.period_s / config.commands)
+        for k in range(config.commands)
+    ]
+    cpu, bar = _speed("crawl", task, chain, 2 * one, repeats, CRAWLERS["mujoco, example"])
+    bars.append(bar)
+    measured = _measured(task, chain, CRAWLERS)
+    for name in ("speed_m_s", "work_j"):
+        if "pybullet" in measured:
+            ours, other = measured["mujoco"][name], measured["pybullet"][name]
+            away = abs(other - ours) / abs(ours)
+            bars.append(Bar(f"crawl: {name}, pybullet against mujoco", away, AGREE, "%", scale=100))
+    return {"cpu_s": cpu, "ratio": bar.reached, "metrics": measured}
 
 
-def _fastest(task: SceneTask, chain: ChainModel, full: dict[str, float], repeats: int) -> dict[str, float]:
+def _speed(
+    kind: str,
+    task: SceneTask,
+    chain: ChainModel,
+    frames: list[Frame],
+    repeats: int,
+    settings: dict[str, Any] = ENGINES["mujoco"],
+) -> tuple[dict[str, float], Bar]:
+    """Measure and print CPU times; return them and the bar."""
+    cpu = _fastest(task, chain, frames, repeats, settings)
+    ratio = cpu["plain"] / cpu["ours"]
+    print(f"{kind:<13}" + "".join(f" {name} {value:.3f} s" for name, value in cpu.items()))
+    print(f"{kind:<13} speed {ratio:.2f} × plain MuJoCo, {cpu['bare'] / cpu['ours']:.2f} × without laws")
+    what = f"{kind}: speed against plain MuJoCo with the same laws"
+    return cpu, Bar(what, ratio, SPEED, "×", at_most=False)
+
+
+def _ramp(full: dict[str, float]) -> list[Frame]:
+    """Return a ramp of the inputs and a hold."""
+    shares = [min((k + 1) / FRAMES, 1.0) for k in range(2 * FRAMES)]
+    return [({name: share * value for name, value in full.items()}, RAMP_S / FRAMES) for share in shares]
+
+
+def _fastest(
+    task: SceneTask, chain: ChainModel, frames: list[Frame], repeats: int, settings: dict[str, Any]
+) -> dict[str, float]:
     """Return the least CPU seconds of the motion: in the engine, in plain MuJoCo, in MuJoCo without laws."""
-    backend = _engine(task, "mujoco")
+    backend = engine("mujoco", **settings)
     cpu: dict[str, list[float]] = {"ours": [], "plain": [], "bare": []}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.xml"
@@ -141,15 +192,17 @@ def _fastest(task: SceneTask, chain: ChainModel, full: dict[str, float], repeats
             record = SceneRecord(task.scene(chain))
             with backend.build_scene(record.scene) as simulation:
                 begun = time.process_time()
-                record.drive(simulation, [full] * len(record.scene.arms), None, RAMP_S, FRAMES)
-                record.hold(simulation, HOLD_S, FRAMES)
+                for inputs, duration_s in frames:
+                    simulation.apply([Inputs(inputs)] * len(record.scene.arms))
+                    simulation.step(duration_s)
+                    record.see(simulation)
                 cpu["ours"].append(time.process_time() - begun)
             model, data = laws.load(path)
             laws.resume()
-            cpu["plain"].append(_stepped(model, data, full))
+            cpu["plain"].append(_stepped(model, data, frames))
             laws.pause()
             bare = mujoco.MjModel.from_xml_path(str(path))
-            cpu["bare"].append(_stepped(bare, mujoco.MjData(bare), full))
+            cpu["bare"].append(_stepped(bare, mujoco.MjData(bare), frames))
     return {name: min(values) for name, values in cpu.items()}
 
 
@@ -162,28 +215,31 @@ def _module(path: Path) -> ModuleType:
     return module
 
 
-def _stepped(model: mujoco.MjModel, data: mujoco.MjData, full: dict[str, float]) -> float:
-    """Return CPU seconds of the ramp and the hold, reading the tip at each frame."""
+def _stepped(model: mujoco.MjModel, data: mujoco.MjData, frames: list[Frame]) -> float:
+    """Return CPU seconds of the motion, reading the tip at each frame."""
     names = [model.actuator(k).name for k in range(model.nu)]
-    values = np.array([next((v for one, v in full.items() if name.endswith(one)), 0.0) for name in names])
-    steps = round(RAMP_S / FRAMES / model.opt.timestep)
+    ids = {one: [k for k, name in enumerate(names) if name.endswith(f"_{one}")] for one in frames[0][0]}
     begun = time.process_time()
-    for k in range(2 * FRAMES):
-        data.ctrl[:] = values * min((k + 1) / FRAMES, 1.0)
-        for _ in range(steps):
+    for inputs, duration_s in frames:
+        for name, value in inputs.items():
+            data.ctrl[ids[name]] = value
+        for _ in range(round(duration_s / model.opt.timestep)):
             mujoco.mj_step(model, data)
         data.body("arm_0_tip").xpos.copy()
     return time.process_time() - begun
 
 
-def _measured(task: SceneTask, chain: ChainModel) -> dict[str, dict[str, float]]:
+def _measured(
+    task: SceneTask, chain: ChainModel, engines: dict[str, dict[str, Any]]
+) -> dict[str, dict[str, float]]:
     """Return the numbers of each engine."""
     found = {}
-    for kind in ENGINES:
-        if known(kind) and (kind != "quasistatic" or task.settles):
-            metrics = task.run(chain, scene_engine(_engine(task, kind), Model(chain))).metrics
+    for kind, settings in engines.items():
+        name, _, _ = kind.partition(",")
+        if known(name):
+            metrics = task.run(chain, scene_engine(engine(name, **settings), Model(chain))).metrics
             found[kind] = {name: v for name, v in metrics.items() if isinstance(v, float)}
-            print(f"  {kind:<12}" + ", ".join(f"{name} {value:.5g}" for name, value in found[kind].items()))
+            print(f"  {kind:<15}" + ", ".join(f"{name} {value:.5g}" for name, value in found[kind].items()))
     return found
 
 

@@ -23,6 +23,7 @@ from pliant_tables.quantities import parse_quantity as parse_quantity
 # Suffixes that name a unit in a field: "module_length_m" may be written "module_length". Longer ones come first.
 UNIT_SUFFIXES = {
     "_n_m_s": "N*m*s",
+    "_m_s": "m/s",
     "_1_per_s": "s^-1",
     "_kelvin": "K",
     "_kg_m3": "kg/m^3",

@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from pliant_plugins.surrogates.config import NeuralConfig as NeuralConfig
     from pliant_plugins.surrogates.config import PolynomialConfig as PolynomialConfig
     from pliant_plugins.surrogates.config import TableConfig as TableConfig
+    from pliant_plugins.tasks.crawl.config import CrawlConfig as CrawlConfig
     from pliant_plugins.tasks.follow_pressure import FollowPressureConfig as FollowPressureConfig
     from pliant_plugins.tasks.follow_shape import FollowShapeConfig as FollowShapeConfig
     from pliant_plugins.tasks.grasp.config import GraspConfig as GraspConfig

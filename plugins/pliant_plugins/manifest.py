@@ -300,6 +300,14 @@ COMPONENTS = (
     ),
     _shipped(
         "task",
+        "crawl",
+        "tasks.crawl.task:Crawl",
+        "crawl over a floor under periodic actuation: speed and cost of transport",
+        config="tasks.crawl.config:CrawlConfig",
+        example={"gait": {"pressure_pa": {"low": "2 kPa", "high": "8 kPa"}}, "period": "0.5 s"},
+    ),
+    _shipped(
+        "task",
         "grasp",
         "tasks.grasp.task:Grasp",
         "lower fingers over an object, actuate them and lift it",

@@ -14,7 +14,13 @@ import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant.errors import UserError  # noqa: E402
 from pliant_plugins.envs.registration import ENVIRONMENTS  # noqa: E402
 
-SCENES = ("pliant/Grasp-v0", "pliant/HoldAndTurn-v0", "pliant/Push-v0", "pliant/ReachAround-v0")
+SCENES = (
+    "pliant/Crawl-v0",
+    "pliant/Grasp-v0",
+    "pliant/HoldAndTurn-v0",
+    "pliant/Push-v0",
+    "pliant/ReachAround-v0",
+)
 CHAINS = [name for name in ENVIRONMENTS if name not in SCENES]
 # 22 spherical joints are slow: fewer steps suffice.
 SHORT = {"episode_s": 0.5}
@@ -191,6 +197,7 @@ def test_a_users_own_study(tmp_path):
         ("pliant/Push-v0", "mujoco", "needs a study with 'task: {kind: push"),
         ("pliant/HoldAndTurn-v0", "mujoco", "needs a study with 'task: {kind: hold_and_turn"),
         ("pliant/ReachAround-v0", "mujoco", "needs a study with 'task: {kind: reach_around"),
+        ("pliant/Crawl-v0", "mujoco", "needs a study with 'task: {kind: crawl"),
     ],
 )
 def test_a_study_that_does_not_fit(tmp_path, name, physics, says):
@@ -294,3 +301,21 @@ def test_fingers_turn_the_object_by_the_wanted_angle():
     with pytest.raises(UserError, match="needs a number of radians"):
         env.reset(options={"turn_rad": "far"})
     env.close()
+
+
+def test_the_gait_of_the_study_crawls_to_a_target_ahead():
+    """The hand-made gait earns the way to the target; its mirror image, which crawls back, loses as much."""
+    earned = []
+    for late in (0, 1):
+        env = gymnasium.make("pliant/Crawl-v0", episode_s=4.0)
+        env.reset(seed=0, options={"target_m": 0.2})
+        total = 0.0
+        for k in range(80):
+            share = 0.5 - 0.5 * np.cos(2 * np.pi * (0.05 * (k + 0.5) - 0.25 * np.array([1 - late, late])))
+            _, reward, _, _, info = env.step((2 * share - 1).astype(np.float32))
+            total += reward
+        earned.append((total, info["position_m"]))
+        env.close()
+    (ahead, place), (back, _) = earned
+    assert place > 0.02 and ahead > 1.0
+    assert back < -0.5 * ahead

@@ -39,6 +39,7 @@ class Capabilities:
         gradients: `Simulation.sensitivity` is implemented.
         threads: `HistoryBackend.follow` may be called by several threads at once, and releases Python's lock.
         arms_touch: fingers of a scene may touch each other.
+        free_bases: free objects of a scene may carry arms (`Arm.base_object`).
     """
 
     joints: tuple[JointKind, ...]
@@ -46,6 +47,7 @@ class Capabilities:
     gradients: bool = False
     threads: bool = False
     arms_touch: bool = False
+    free_bases: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,6 +97,11 @@ class SceneTask(Configured[TaskConfig]):
         return False
 
     @property
+    def free_bases(self) -> bool:
+        """Return whether its scenes have arms on free objects (`Arm.base_object`)."""
+        return False
+
+    @property
     def settles(self) -> bool:
         """Return whether equilibria suffice: its scenes have fixed obstacles and no free objects."""
         return False

@@ -155,6 +155,36 @@ class JointEfforts:
             tau[:, group.joints] = own.reshape(len(points), -1, self.shape[1])
         return tau
 
+    def travels(self, q: Array, values: Array) -> Array:
+        """Return (s, actuators) travels ∫ ∂τ/∂p dq from straight joints to q (s, n, a), at values (s, actuators).
+
+        A travel is the work conjugate of an actuation (a pressure's is a change of volume) without the part that
+        depends on the actuation alone, which a law does not contain. Law terms are left out.
+        """
+        travels, shares = np.zeros(values.shape), 0.5 * (NODES + 1.0)
+        for group in self._groups:
+            m, drives = len(group.joints), range(group.drives.start, group.drives.stop)
+            rows = q[:, group.joints].reshape(-1, self.shape[1])
+            path = shares[:, None, None] * rows
+            acting = np.repeat(values[:, group.drives], m, axis=0)
+            if group.whole:
+                slopes = group.law.evaluate(
+                    np.tile(acting, (len(shares), 1)), path.reshape(-1, self.shape[1])
+                ).dtau_dp.reshape(*path.shape, -1)
+                work = 0.5 * np.einsum("g,grak,ra->rk", WEIGHTS, slopes, rows)
+                travels[:, group.drives] += work.reshape(len(q), m, -1).sum(axis=1)
+                continue
+            for k, drive in enumerate(drives):
+                turn = self._turns[drive]
+                pressures, points = (
+                    np.tile(acting[:, k], len(shares)),
+                    (path @ turn).reshape(-1, self.shape[1]),
+                )
+                slopes = group.law.evaluate(pressures, points).dtau_dp.reshape(path.shape)
+                work = 0.5 * np.einsum("g,gra,ra->r", WEIGHTS, slopes, rows @ turn)
+                travels[:, drive] += work.reshape(len(q), m).sum(axis=1)
+        return travels
+
     def _net(self, values: Array) -> Array:
         """Return (n,) the sum of the signed inputs on each joint, for law terms."""
         if not self._apart:

@@ -9,10 +9,10 @@ from pliant.records.scene import Scene, SceneState, SceneStill
 def still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
     """Return all shapes at their poses in the state."""
     arms = []
-    for arm, q in zip(scene.arms, state.coordinates, strict=True):
-        pose = ChainGeometry.from_chain(arm.chain).forward(q)
-        origins = pose.origins + state.carriage_m
-        bodies = zip(arm.chain.shapes, pose.rotations, origins, strict=True)
+    for number, (arm, q) in enumerate(zip(scene.arms, state.coordinates, strict=True)):
+        moved = scene.base_motion(number, state.carriage_m, state.positions_m, state.rotations)
+        pose = ChainGeometry.from_chain(arm.chain).forward(q).moved(*moved)
+        bodies = zip(arm.chain.shapes, pose.rotations, pose.origins, strict=True)
         arms.append(tuple(s.placed(turn, origin) for shapes, turn, origin in bodies for s in shapes))
     objects = [
         tuple(shape.placed(turn, place) for shape in body.shapes)

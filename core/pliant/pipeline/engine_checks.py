@@ -53,6 +53,11 @@ def check_asked(backend: PhysicsBackend, task: Task | SceneTask | None) -> None:
             f"physics '{kind}' has no contact between fingers, which this task requires; use 'mujoco', or "
             "leave 'finger_contact' out."
         )
+    if task.free_bases and not backend.capabilities.free_bases:
+        raise UserError(
+            f"physics '{kind}' has no chains on a free base, which task '{task.config.kind}' needs; use 'mujoco' or "
+            "'pybullet'."
+        )
 
 
 def check_mount(backend: PhysicsBackend, task: Task | SceneTask | None, mount: MountConfig) -> None:

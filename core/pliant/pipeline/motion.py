@@ -107,9 +107,14 @@ def surface_at_rest(chain: ChainModel) -> TriangleMesh:
 
 
 def with_surfaces(scene: Scene, looks: ChainModel) -> Scene:
-    """Return the scene with the shapes of another chain on its arms."""
-    arms = tuple(replace(arm, chain=arm.chain.with_(shapes=looks.shapes)) for arm in scene.arms)
-    return replace(scene, arms=arms)
+    """Return the scene with the shapes of another chain on its arms, beside their own rigid ones."""
+
+    def dressed(chain: ChainModel) -> ChainModel:
+        rigid = [tuple(s for s in shapes if s.rigid and s.mesh is None) for shapes in chain.shapes]
+        pairs = zip(looks.shapes, rigid or [()] * len(looks.shapes), strict=True)
+        return chain.with_(shapes=tuple(seen + own for seen, own in pairs))
+
+    return replace(scene, arms=tuple(replace(arm, chain=dressed(arm.chain)) for arm in scene.arms))
 
 
 def chain_scene(chain: ChainModel) -> Scene:

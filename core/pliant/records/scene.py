@@ -15,10 +15,17 @@ from pliant.records.shape import Shape
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A chain on the scene's carriage; its `ChainModel.shapes` collide, with this coefficient of friction."""
+    """A chain; its `ChainModel.shapes` collide, with this coefficient of friction.
+
+    Attributes:
+        chain, friction: see above.
+        base_object: number of the free object that carries its base, with which the base piece then is one body, of
+            the object's friction; None: the scene's carriage carries it.
+    """
 
     chain: ChainModel
     friction: float = 0.8
+    base_object: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +67,12 @@ class Scene:
     """Arms, objects, obstacles and floor, at rest at time 0.
 
     The coefficient of friction of a pair is the product of both bodies' coefficients, in every engine: an
-    object of coefficient 1 has the arms' friction. Arms collide with objects, obstacles and floor, and if `arms_touch`
-    also with each other and themselves, with the product of their coefficients.
+    object of coefficient 1 has the arms' friction. Arms collide with objects (but for the one that carries them),
+    obstacles and floor, and if `arms_touch` also with each other and themselves, with the product of their
+    coefficients.
 
     Attributes:
-        arms: chains with their base poses in the world at the start; the carriage moves all of them.
+        arms: chains with their base poses in the world at the start; what carries them moves them from there.
         objects: free bodies; they collide with arms, floor and each other.
         floor_m: height of a horizontal floor, or None.
         floor_friction: its coefficient.
@@ -82,6 +90,33 @@ class Scene:
     arms_touch: bool = False
     carriers: int = 0
     obstacles: tuple[Obstacle, ...] = ()
+
+    def base_on_object(self, number: int) -> tuple[Array, Array]:
+        """Return position (3,) and rotation (3, 3) of an arm's base in the frame of the object that carries it."""
+        arm = self.arms[number]
+        assert arm.base_object is not None
+        body, chain = self.objects[arm.base_object], arm.chain
+        offset = np.asarray(chain.base_position_m, float) - body.position_m
+        return body.rotation.T @ offset, body.rotation.T @ np.asarray(chain.base_rotation, float)
+
+    def base_motion(
+        self, number: int, carriage_m: Array, positions_m: Array, rotations: Array
+    ) -> tuple[Array, Array | None]:
+        """Return translation (3,) and rotation (3, 3), or None, that take an arm from the start to the present.
+
+        A point x of its straight pose at the start is at `translation + rotation @ x` now.
+
+        Args:
+            number: of the arm.
+            carriage_m: (3,) displacement of the carriage.
+            positions_m, rotations: (k, 3) and (k, 3, 3) of the objects.
+        """
+        carrier = self.arms[number].base_object
+        if carrier is None:
+            return carriage_m, None
+        body = self.objects[carrier]
+        turn = rotations[carrier] @ body.rotation.T
+        return positions_m[carrier] - turn @ body.position_m, turn
 
 
 class Part(NamedTuple):

@@ -15,6 +15,7 @@ ENVIRONMENTS = {
     "pliant/HoldAndTurn-v0": f"{HERE}.hold_and_turn:HoldAndTurnEnv",
     "pliant/Push-v0": f"{HERE}.push:PushEnv",
     "pliant/ReachAround-v0": f"{HERE}.reach_around:ReachAroundEnv",
+    "pliant/Crawl-v0": f"{HERE}.crawl:CrawlEnv",
 }
 # Needs a study with a search, and is no robot that moves.
 DESIGN = {"pliant/Design-v0": "pliant_ppo.design_env:DesignEnv"}

@@ -84,7 +84,7 @@ class SceneDrawing:
     def place(self, frames: SceneFrames, index: int) -> None:
         """Put every body where frame `index` has it."""
         for number, geometry in enumerate(self._geometries):
-            pose = _pose(geometry, frames, number, index)
+            pose = self._pose(geometry, frames, number, index)
             for body in range(geometry.n_joints + 1):
                 self._put(f"arm{number}_{body}", pose.origins[body], pose.rotations[body])
             if (skin := self._skins[number]) is not None:
@@ -148,6 +148,7 @@ class SceneDrawing:
             line.size = [THREAD * radius, thread / 2, 0]
         if skin is not None:
             self._add_skin(spec, number, skin, colour)
+        if skin is not None and self.scene.arms[number].base_object is None:
             plate = bodies[0].add_geom(type=GEOMS["box"], rgba=DARK)
             plate.pos, plate.size = _mount(skin, self._straight[number], MOUNT * self.extent.size_m)
 
@@ -200,7 +201,7 @@ class SceneDrawing:
         points = []
         for index in chosen.tolist():
             for number, geometry in enumerate(self._geometries):
-                pose = _pose(geometry, frames, number, index)
+                pose = self._pose(geometry, frames, number, index)
                 skin = self._skins[number]
                 tip = pose.origins[-1] + pose.rotations[-1] @ geometry.tip_offset
                 seen = [pose.origins, tip[None]]
@@ -215,19 +216,20 @@ class SceneDrawing:
                     seen.append((middle + SIGNS * half) @ pose.rotations[0].T + pose.origins[0])
                 points.append(np.vstack(seen))
             for number, thing in enumerate(self.scene.objects):
-                corners = np.concatenate([_corners(shape) for shape in thing.shapes])
+                corners = np.concatenate([np.zeros((1, 3)), *(_corners(shape) for shape in thing.shapes)])
                 turn = frames.rotations[index, number]
                 points.append(corners @ turn.T + frames.positions_m[index, number])
         points += [_corners(shape) for obstacle in self.scene.obstacles for shape in obstacle.shapes]
         every = np.concatenate(points)
         return Extent(np.array([every.min(axis=0), every.max(axis=0)]), every)
 
-
-def _pose(geometry: ChainGeometry, frames: SceneFrames, number: int, index: int) -> Pose:
-    """Return an arm of the scene in the world at a frame."""
-    turns = frames.carriage_turns
-    pose = geometry.forward(frames.coordinates[number][index])
-    return pose.moved(frames.carriage_m[index], None if turns is None else turns[index])
+    def _pose(self, geometry: ChainGeometry, frames: SceneFrames, number: int, index: int) -> Pose:
+        """Return an arm of the scene in the world at a frame."""
+        place = frames.carriage_m[index], frames.positions_m[index], frames.rotations[index]
+        moved, turn = self.scene.base_motion(number, *place)
+        if turn is None and frames.carriage_turns is not None:
+            turn = frames.carriage_turns[index]
+        return geometry.forward(frames.coordinates[number][index]).moved(moved, turn)
 
 
 def _surroundings(spec: mujoco.MjSpec, floor_m: float, square_m: float, centre: Array, size_m: float) -> None:

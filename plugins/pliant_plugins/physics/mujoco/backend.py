@@ -45,6 +45,7 @@ class Mujoco(PhysicsBackend):
         ("revolute", "spherical", "prismatic", "extensible"),
         dynamic=True,
         arms_touch=True,
+        free_bases=True,
     )
     export_format: ClassVar[str] = "mjcf"
     config: MujocoConfig

@@ -1,7 +1,7 @@
 """MJCF of a chain, and of a scene with every pair of shapes that may touch.
 
 A chain is nested bodies, one joint each, with exact inertias. A scene is arms on a carriage, free
-objects, fixed obstacles and a floor.
+objects, fixed obstacles and a floor. Arms that a free object carries are nested in its body.
 Pairs are written out one by one, because the scene's friction rule is the product of both coefficients and
 MuJoCo's own is the larger. The carriage is a body on three slides of enormous inertia, whose velocity is
 prescribed: unlike a mocap body's it is seen by the contact solver, so what is held moves with it."""
@@ -172,15 +172,29 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
     SubElement(carriage, "inertial", pos="0 0 0", mass=repr(MASS_FLOOR_KG), diaginertia=inertia)
     for axis in np.eye(CARRIAGE_DOFS):
         SubElement(carriage, "joint", type="slide", axis=text(axis), armature=repr(CARRIAGE_KG))
-    for number, arm in enumerate(scene.arms):
-        bodies = add_chain(carriage, arm.chain, f"arm_{number}_")
-        for index, (body, shapes) in enumerate(zip(bodies, arm.chain.shapes, strict=False)):
-            add_shapes(body, Part("arm", number, index), arm.friction, shapes)
+
+    def add_arms(parent: Element, carrier: int | None) -> None:
+        for number, arm in enumerate(scene.arms):
+            if arm.base_object != carrier:
+                continue
+            place = {}
+            if carrier is not None:
+                position, rotation = scene.base_on_object(number)
+                place = {"base_position_m": position, "base_rotation": rotation}
+            bodies = add_chain(parent, arm.chain.with_(**place), f"arm_{number}_")
+            if carrier is not None:
+                add_base_inertia(bodies[0], arm.chain)
+            for index, (body, shapes) in enumerate(zip(bodies, arm.chain.shapes, strict=False)):
+                friction = arm.friction if index or carrier is None else scene.objects[carrier].friction
+                add_shapes(body, Part("arm", number, index), friction, shapes)
+
+    add_arms(carriage, None)
     for number, free in enumerate(scene.objects):
         body = add_body(world, f"object_{number}", free.position_m, free.rotation)
         SubElement(body, "freejoint")
         add_inertia(body, free.mass)
         add_shapes(body, Part("object", number), free.friction, free.shapes)
+        add_arms(body, number)
     contact = SubElement(root, "contact")
     # Negative numbers are MuJoCo's direct format: the penetration does not depend on the step.
     stiffness = {
@@ -191,6 +205,8 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
     apart = [parts_apart(arm.chain) for arm in scene.arms] if scene.arms_touch else []
     for one, other in combinations(geoms, 2):
         kinds = {one.part.kind, other.part.kind}
+        if _is_carried(scene, one.part, other.part) or _is_carried(scene, other.part, one.part):
+            continue
         # Objects touch everything else; arms touch what is fixed, and each other where the scene says so.
         usual = ("object" in kinds and one.part != other.part) or kinds in FIXED_BY_ARM
         if usual or (scene.arms_touch and kinds == {"arm"} and _meet(one.part, other.part, apart)):
@@ -219,6 +235,12 @@ def parts_apart(chain: ChainModel) -> int:
 def _meet(one: Part, other: Part, apart: Sequence[int]) -> bool:
     """Return whether these bodies of arms can touch."""
     return one.number != other.number or abs(one.body - other.body) >= apart[one.number]
+
+
+def _is_carried(scene: Scene, one: Part, other: Part) -> bool:
+    """Return whether one part is of an arm on the other, an object."""
+    kinds = (one.kind, other.kind)
+    return kinds == ("arm", "object") and scene.arms[one.number].base_object == other.number
 
 
 def placed(shape: Shape) -> dict[str, str]:

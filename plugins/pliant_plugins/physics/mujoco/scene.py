@@ -85,11 +85,15 @@ class MujocoScene(ArmsScene):
             self._bodies[geom] = {"arm": ARM, "floor": FIXED, "obstacle": FIXED}.get(part.kind, part.number)
         reaches = [_reaches(chain) for chain in self._chains]
         self._reaches = np.concatenate([np.ones(CARRIAGE_DOFS), *reaches])
-        self._extents = np.array([_extent(free.shapes) for free in scene.objects])
-        first = model.nv - OBJECT_DOFS * len(scene.objects)
-        self._object_poses = data.qpos[model.nq - 7 * len(scene.objects) :].reshape(-1, 7)
-        self._object_rates = data.qvel[first:].reshape(-1, OBJECT_DOFS)
-        self._first_object = model.nbody - len(scene.objects)
+        self._extents = _object_extents(scene)
+        names = [f"object_{k}" for k in range(len(scene.objects))]
+        self._object_bodies = np.array([model.body(name).id for name in names], np.int64)
+        free = model.body_jntadr[self._object_bodies]
+        self._pose_at = model.jnt_qposadr[free][:, None] + np.arange(7)
+        self._rates_at = model.jnt_dofadr[free][:, None] + np.arange(OBJECT_DOFS)
+        dofs = [np.arange(arm.dof, arm.dof + arm.n_joints * arm.n_axes) for arm in self._arms]
+        # Of carriage, arms and objects in this order; MuJoCo numbers arms after the object that carries them.
+        self._dofs = np.concatenate([np.arange(CARRIAGE_DOFS), *dofs, self._rates_at.ravel()])
         carriage = slice(0, CARRIAGE_DOFS)
         self._carriage = (data.qpos[carriage], data.qvel[carriage], data.qfrc_applied[carriage])
         fixed = bool(scene.obstacles) or scene.floor_m is not None
@@ -119,11 +123,11 @@ class MujocoScene(ArmsScene):
 
     def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
         moment = np.zeros(3) if moment_n_m is None else moment_n_m
-        self._data.xfrc_applied[self._first_object + index] = np.concatenate([force_n, moment])
+        self._data.xfrc_applied[self._object_bodies[index]] = np.concatenate([force_n, moment])
 
     def step(self, duration_s: float) -> None:
         remaining = duration_s
-        pushed = bool(self._data.xfrc_applied[self._first_object :].any())
+        pushed = bool(self._data.xfrc_applied[self._object_bodies].any())
         with silent():
             while remaining > 0.0:
                 longest = self._longest_step(self._near or pushed)
@@ -152,7 +156,7 @@ class MujocoScene(ArmsScene):
             return long
         if near:
             return short
-        arms, objects = _speeds(self._data.qvel, self._reaches, self._extents)
+        arms, objects = _speeds(self._data.qvel[self._dofs], self._reaches, self._extents)
         if objects > REST_M_S:
             return short
         both = 2.0 * arms if self.scene.arms_touch else arms
@@ -180,7 +184,7 @@ class MujocoScene(ArmsScene):
         self._near, self._has_contacts = self._is_near(), True
 
     def snapshot(self) -> SceneState:
-        poses, rates = self._object_poses, self._object_rates
+        poses, rates = self._data.qpos[self._pose_at], self._data.qvel[self._rates_at]
         rotations = matrix_from_quaternion(poses[:, 3:])
         spins = np.einsum("kij,kj->ki", rotations, rates[:, 3:])
         private = np.empty(mujoco.mj_stateSize(self._model, STATE))
@@ -224,10 +228,10 @@ class MujocoScene(ArmsScene):
         for joints, q, rates in zip(self._arms, state.coordinates, state.rates, strict=True):
             joints.place(q, rates)
         spins = np.einsum("kij,ki->kj", state.rotations, state.velocities[:, 3:])
-        self._object_poses[:] = np.concatenate(
+        data.qpos[self._pose_at] = np.concatenate(
             [state.positions_m, quaternion_from_matrix(state.rotations)], axis=1
         )
-        self._object_rates[:] = np.concatenate([state.velocities[:, :3], spins], axis=1)
+        data.qvel[self._rates_at] = np.concatenate([state.velocities[:, :3], spins], axis=1)
         data.qacc_warmstart[:] = 0.0
 
     def _look(self) -> None:
@@ -288,6 +292,21 @@ def _speeds(rates, reaches, extents):  # type: ignore[no-untyped-def]
         linear = np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
         objects = max(objects, linear + extents[k] * np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2))
     return arms, objects
+
+
+def _object_extents(scene: Scene) -> Array:
+    """Return (k,) farthest distance of any point of each object, and of the arms that it carries, from its origin."""
+    extents = [_extent(free.shapes) for free in scene.objects]
+    for number, arm in enumerate(scene.arms):
+        if arm.base_object is not None:
+            place, _ = scene.base_on_object(number)
+            own = (
+                float(np.linalg.norm(place))
+                + arm.chain.length_m
+                + max(map(_extent, arm.chain.shapes), default=0.0)
+            )
+            extents[arm.base_object] = max(extents[arm.base_object], own)
+    return np.array(extents)
 
 
 def _reaches(chain: ChainModel) -> Array:

@@ -72,30 +72,38 @@ class WorldScale:
         )
 
 
-def check_size(geometry: ChainGeometry) -> None:
-    """Refuse chains that Bullet's state does not hold: beyond it joints go missing silently.
+def check_size(*geometries: ChainGeometry) -> None:
+    """Refuse the chains of one body where Bullet's state does not hold them: beyond it joints go missing silently.
 
     Raises:
-        UserError: the chain has too many joints.
+        UserError: the chains have too many joints.
     """
-    most = (STATE_SIZE - BASE_SIZE) // (4 if geometry.kind == "spherical" else 1)
-    if geometry.n_joints > most:
+    sizes = [(4 if one.kind == "spherical" else 1) for one in geometries]
+    count = sum(one.n_joints for one in geometries)
+    if sum(one.n_joints * size for one, size in zip(geometries, sizes, strict=True)) > STATE_SIZE - BASE_SIZE:
+        most = (STATE_SIZE - BASE_SIZE) // max(sizes)
+        what = "the chain has" if len(geometries) == 1 else f"the {len(geometries)} chains of one body have"
         raise UserError(
-            f"physics 'pybullet' holds at most {most} {geometry.kind} joints and the chain has "
-            f"{geometry.n_joints}: use physics 'quasistatic' or 'mujoco'"
+            f"physics 'pybullet' holds at most {most} {geometries[0].kind} joints and {what} {count}: use physics "
+            "'quasistatic' or 'mujoco'"
         )
 
 
 class BulletArm:
-    """Joints of one multibody, in SI outside and scaled inside. Link i − 1 is body i, link n the tip."""
+    """Joints of a chain in a multibody, in SI outside and scaled inside.
 
-    def __init__(self, client: Client, body: int, chain: ChainModel, scale: WorldScale | None = None) -> None:
-        """Take hold of a loaded `chain_tree` of exactly this `chain`, which is in the engine's scale."""
+    Link `first` + i − 1 is body i, link `first` + n the tip; `first` is 0 unless an object carries several chains.
+    """
+
+    def __init__(
+        self, client: Client, body: int, chain: ChainModel, scale: WorldScale | None = None, first: int = 0
+    ) -> None:
+        """Take hold of the loaded links of exactly this `chain`, which is in the engine's scale."""
         self._client, self.body = client, body
         self._geometry = ChainGeometry.from_chain(chain)
         self.ball = self._geometry.kind == "spherical"
-        self.joints = list(range(chain.n_joints))
-        self.tip = chain.n_joints
+        self.joints = list(range(first, first + chain.n_joints))
+        self.tip = first + chain.n_joints
         slides = self._geometry.kind == "prismatic"
         self._scale = scale = scale or WorldScale()
         self._coordinate = scale.length if slides else 1.0
@@ -104,7 +112,7 @@ class BulletArm:
         self._principal = np.array([principal(body)[1] for body in chain.bodies[1:]])
         self.to_principal = self._principal.transpose(0, 2, 1)
         # What PyBullet adds by default: link damping, velocity limits and joint motors.
-        links = range(-1, self.tip + 1)
+        links = [-1, *self.joints, self.tip]
         client.set_dynamics(body, links, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
         client.set_dynamics(body, links, maxJointVelocity=UNLIMITED_VELOCITY)
         self.hold(0.0)
@@ -162,18 +170,22 @@ class BulletArm:
         self._client.applyExternalForce(self.body, link, force, point, self._client.WORLD_FRAME)
 
     def pull_loads(
-        self, statics: ChainStatics, loads: Loads, q: Array, carriage: Array | None = None
+        self,
+        statics: ChainStatics,
+        loads: Loads,
+        q: Array,
+        moved: tuple[Array, Array | None] | None = None,
     ) -> None:
-        """Apply tip force, point forces and cords in the next step, from a base moved by the carriage (3,)."""
+        """Apply tip force, point forces and cords in the next step, of a chain `moved` as by `Pose.moved`."""
         if loads.tip_force_n.any():
             self.pull(self.tip, loads.tip_force_n, self.moving_markers()[-1])
         if loads.forces or loads.cords:
             pose = statics.geometry.forward(q)
-            if carriage is not None:
-                pose = replace(pose, origins=pose.origins + carriage)
+            if moved is not None:
+                pose = pose.moved(*moved)
             for acting in statics.acting(pose, loads):
                 if acting.body:
-                    self.pull(acting.body - 1, acting.force_n, acting.point_m)
+                    self.pull(self.joints[acting.body - 1], acting.force_n, acting.point_m)
 
     def moving_markers(self) -> Array:
         """Return (n + 1, 3) joints and tip from Bullet's own kinematics."""

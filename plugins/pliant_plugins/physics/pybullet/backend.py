@@ -191,7 +191,9 @@ class PublishedSimulation(BulletSimulation):
 class Pybullet(PhysicsBackend):
     """PyBullet (Bullet's articulated bodies) with explicit torques of the laws."""
 
-    capabilities: ClassVar[Capabilities] = Capabilities(("revolute", "spherical", "prismatic"), dynamic=True)
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        ("revolute", "spherical", "prismatic"), dynamic=True, free_bases=True
+    )
     export_format: ClassVar[str] = "urdf"
     config: PybulletConfig
 

@@ -29,11 +29,11 @@ from pliant_plugins.physics.pybullet.client import Client, quaternion
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.urdf import (
     CollisionWriter,
-    body_urdf,
     chain_tree,
     document,
     floored,
     moving,
+    object_tree,
     principal,
 )
 
@@ -49,7 +49,7 @@ ARMS, OBJECTS, FIXED = 2, 4, 8
 
 
 class BulletObject(NamedTuple):
-    """A free body; Bullet's frame is its principal frame at the centre of mass."""
+    """A free body, with base pieces of arms; Bullet's frame is its principal frame at the centre of mass."""
 
     body: int
     mass: MassProperties
@@ -64,6 +64,8 @@ class BulletScene(ArmsScene):
             raise UserError(
                 "fingers that touch each other need physics 'mujoco'; take it, or leave 'finger_contact' out."
             )
+        for number in range(len(scene.objects)):
+            check_size(*(ChainGeometry.from_chain(a.chain) for a in scene.arms if a.base_object == number))
         for arm in scene.arms:
             check_size(ChainGeometry.from_chain(arm.chain))
         super().__init__(
@@ -77,6 +79,8 @@ class BulletScene(ArmsScene):
         self._stable_s, self._stable_until = math.inf, -math.inf
         self.scale = WorldScale(config.world_scale)
         self._parts: dict[int, Part] = {}
+        # By body and link, of arms on objects.
+        self._carried: dict[tuple[int, int], Part] = {}
         self.client = Client()
         try:
             self._fill()
@@ -137,13 +141,13 @@ class BulletScene(ArmsScene):
             return
         # A state of another engine: Bullet's contact points and their impulses start from zero.
         self._stable_until = -math.inf
-        for arm, chain in zip(self.arms, self._chains, strict=True):
+        for arm, chain, given in zip(self.arms, self._chains, self.scene.arms, strict=True):
+            if given.base_object is not None:
+                continue
             place = self.scale.length * (np.asarray(chain.base_position_m, float) + self._carriage)
             turned = quaternion(chain.base_rotation)
             self.client.resetBasePositionAndOrientation(arm.body, place.tolist(), turned)
         self._move_bases()
-        for arm, q, rates in zip(self.arms, state.coordinates, state.rates, strict=True):
-            arm.place(q, rates)
         objects = zip(self.objects, state.positions_m, state.rotations, state.velocities, strict=True)
         for one, position, rotation, velocity in objects:
             offset = rotation @ one.mass.com_m
@@ -152,11 +156,24 @@ class BulletScene(ArmsScene):
             turned = quaternion(rotation @ one.axes)
             self.client.resetBasePositionAndOrientation(one.body, centre.tolist(), turned)
             self.client.resetBaseVelocity(one.body, linear.tolist(), velocity[3:].tolist())
+        for arm, q, rates in zip(self.arms, state.coordinates, state.rates, strict=True):
+            arm.place(q, rates)
 
     def markers(self, arm: int) -> Array:
-        place = self.client.getBasePositionAndOrientation(self.arms[arm].body)[0]
-        base = np.reshape(place, (1, 3)) / self.scale.length
-        return np.concatenate([base, self.arms[arm].moving_markers()])
+        moved, turn = self._base_motion(arm)
+        if turn is None:
+            place = np.asarray(self.client.getBasePositionAndOrientation(self.arms[arm].body)[0])
+            place = place / self.scale.length
+        else:
+            place = moved + turn @ np.asarray(self.scene.arms[arm].chain.base_position_m, float)
+        return np.concatenate([place[None], self.arms[arm].moving_markers()])
+
+    def _base_motion(self, arm: int, carriage: Array | None = None) -> tuple[Array, Array | None]:
+        """Return how an arm has moved, see `Scene.base_motion`; at this displacement of the carriage, if given."""
+        positions, rotations, _ = self._object_states() if self.objects else (np.zeros((0, 3)),) * 3
+        return self.scene.base_motion(
+            arm, self._carriage if carriage is None else carriage, positions, rotations
+        )
 
     def contacts(self) -> tuple[Contact, ...]:
         contacts = []
@@ -176,9 +193,9 @@ class BulletScene(ArmsScene):
         return tuple(contacts)
 
     def _part(self, body: int, link: int) -> Part:
-        """Link −1 is body 0; the tip link has no shapes."""
-        part = self._parts[body]
-        return part._replace(body=link + 1) if part.kind == "arm" else part
+        """Link −1 is body 0, or an object with the base pieces of its arms; the tip link has no shapes."""
+        part = self._carried.get((body, link), self._parts[body])
+        return part._replace(body=link + 1) if part.kind == "arm" and part.body == 0 else part
 
     def _go_on(self, duration_s: float) -> None:
         """Advance by less than the time for which a stable step is trusted."""
@@ -191,8 +208,8 @@ class BulletScene(ArmsScene):
         client, origin = self.client, [0.0, 0.0, 0.0]
         for k in range(n_steps):
             self._drive(self._carriage + self._velocity * (duration_s * k / n_steps))
-            for arm, hold in zip(self.arms, self._holds, strict=True):
-                client.applyExternalForce(arm.body, -1, hold, origin, client.LINK_FRAME)
+            for body, hold in self._holds:
+                client.applyExternalForce(body, -1, hold, origin, client.LINK_FRAME)
             client.stepSimulation()
         self._carriage = self._carriage + self._velocity * duration_s
         self._time_s += duration_s
@@ -200,8 +217,8 @@ class BulletScene(ArmsScene):
 
     def _move_bases(self) -> None:
         velocity = (self.scale.length * self._velocity).tolist()
-        for arm in self.arms:
-            self.client.resetBaseVelocity(arm.body, velocity, [0.0, 0.0, 0.0])
+        for body, _ in self._holds:
+            self.client.resetBaseVelocity(body, velocity, [0.0, 0.0, 0.0])
 
     def _drive(self, carriage: Array) -> None:
         """Apply torques and forces of the next step."""
@@ -212,7 +229,7 @@ class BulletScene(ArmsScene):
                 effort[:, self._statics[k].geometry.main] -= loads.moment_n_m
             arm.drive(effort - self._config.joint_damping * rates, q)
             if self._pulled[k]:
-                arm.pull_loads(self._statics[k], loads, q, carriage)
+                arm.pull_loads(self._statics[k], loads, q, self._base_motion(k, carriage))
         for index, (force, moment) in self._pushes.items():  # at the centre of mass
             body, frame = self.objects[index].body, self.client.WORLD_FRAME
             centre = self.client.getBasePositionAndOrientation(body)[0]
@@ -294,8 +311,12 @@ class BulletScene(ArmsScene):
         carriage_kg = CARRIAGE_SHARE * self.scale.mass * total
         with tempfile.TemporaryDirectory() as folder:
             writer = CollisionWriter(Path(folder))
-            self.arms = [self._arm(k, arm, carriage_kg, writer) for k, arm in enumerate(scene.arms)]
-            self.objects = [self._object(k, one, writer) for k, one in enumerate(scene.objects)]
+            loaded: dict[int, BulletArm] = {}
+            for k, arm in enumerate(scene.arms):
+                if arm.base_object is None:
+                    loaded[k] = self._arm(k, arm, carriage_kg, writer)
+            self.objects = [self._object(k, one, writer, loaded) for k, one in enumerate(scene.objects)]
+            self.arms = [loaded[k] for k in range(len(scene.arms))]
             for k, obstacle in enumerate(scene.obstacles):
                 self._obstacle(k, obstacle, writer)
         if scene.floor_m is not None:
@@ -305,7 +326,11 @@ class BulletScene(ArmsScene):
             self._add(body, Part("floor"), [-1], scene.floor_friction, FIXED, OBJECTS | ARMS)
         # In the frame of each base, which does not turn: held there, no rounding of places enters.
         weight = carriage_kg * gravity
-        self._holds = [(-arm.chain.base_rotation.T @ weight).tolist() for arm in scene.arms]
+        self._holds = [
+            (loaded[k].body, (-arm.chain.base_rotation.T @ weight).tolist())
+            for k, arm in enumerate(scene.arms)
+            if arm.base_object is None
+        ]
 
     def _arm(self, number: int, arm: Arm, carriage_kg: float, writer: CollisionWriter) -> BulletArm:
         chain = self.scale.chain(floored(arm.chain))
@@ -317,20 +342,39 @@ class BulletScene(ArmsScene):
         self._add(body, Part("arm", number), links, arm.friction, ARMS, OBJECTS | FIXED)
         return BulletArm(self.client, body, chain, self.scale)
 
-    def _object(self, number: int, given: FreeBody, writer: CollisionWriter) -> BulletObject:
-        piece = self.scale.piece(moving(given.mass))
-        shapes = [self.scale.shape(shape) for shape in given.shapes]
+    def _object(
+        self, number: int, given: FreeBody, writer: CollisionWriter, loaded: dict[int, BulletArm]
+    ) -> BulletObject:
+        """Load a free body with the arms that it carries, and add these to `loaded`."""
+        mass, shapes, chains = given.mass, list(given.shapes), {}
+        for k, arm in enumerate(self.scene.arms):
+            if arm.base_object == number:
+                position, rotation = self.scene.base_on_object(k)
+                chain = floored(arm.chain).with_(base_position_m=position, base_rotation=rotation)
+                mass = mass.joined(arm.chain.bodies[0].rotated(rotation).shifted(position))
+                shapes += [shape.placed(rotation, position) for shape in (chain.shapes or ((),))[0]]
+                chains[k] = self.scale.chain(chain)
+        piece = self.scale.piece(moving(mass))
+        root = object_tree(piece, [self.scale.shape(shape) for shape in shapes], chains, writer)
         place = self.scale.length * np.asarray(given.position_m, float)
-        body = self._load(body_urdf(piece, shapes, writer), place, given.rotation, writer)
+        body = self._load(document(root), place, given.rotation, writer)
         self._add(body, Part("object", number), [-1], given.friction, OBJECTS, ARMS | OBJECTS | FIXED)
         self.client.set_dynamics(body, [-1], linearDamping=0.0, angularDamping=0.0)
         self.client.set_dynamics(body, [-1], maxJointVelocity=UNLIMITED_VELOCITY)
-        return BulletObject(body, given.mass, principal(moving(piece))[1])
+        names = [self.client.getJointInfo(body, k)[1].decode() for k in range(self.client.getNumJoints(body))]
+        for k, chain in chains.items():
+            first, arm = names.index(f"arm_{k}_joint_1"), self.scene.arms[k]
+            links = range(first, first + chain.n_joints + 1)
+            self._set_contact(body, links, arm.friction, ARMS, OBJECTS | FIXED)
+            self._carried |= {(body, link): Part("arm", k, link - first + 1) for link in links}
+            loaded[k] = BulletArm(self.client, body, chain, self.scale, first)
+        return BulletObject(body, mass, principal(moving(piece))[1])
 
     def _obstacle(self, number: int, given: Obstacle, writer: CollisionWriter) -> None:
         shapes = [self.scale.shape(shape) for shape in given.shapes]
         unmoved = MassProperties(1.0, np.zeros(3), np.eye(3))
-        body = self._load(body_urdf(unmoved, shapes, writer), np.zeros(3), np.eye(3), writer, fixed=True)
+        urdf = document(object_tree(unmoved, shapes, {}, writer))
+        body = self._load(urdf, np.zeros(3), np.eye(3), writer, fixed=True)
         self._add(body, Part("obstacle", number), [-1], given.friction, FIXED, ARMS | OBJECTS)
 
     def _load(
@@ -342,8 +386,12 @@ class BulletScene(ArmsScene):
     def _add(
         self, body: int, part: Part, links: Iterable[int], friction: float, group: int, mask: int
     ) -> None:
-        """Set friction and collision pairs. Bullet multiplies coefficients, as the scene's rule does."""
+        """Record a body, and set friction and collision pairs of its links."""
         self._parts[body] = part
+        self._set_contact(body, links, friction, group, mask)
+
+    def _set_contact(self, body: int, links: Iterable[int], friction: float, group: int, mask: int) -> None:
+        """Set friction and collision pairs. Bullet multiplies coefficients, as the scene's rule does."""
         none = {"rollingFriction": 0.0, "spinningFriction": 0.0, "restitution": 0.0}
         for link in links:
             # In one call with other settings friction would stay at 0.5.

@@ -4,7 +4,7 @@ Primitives collide exactly, ellipsoids and meshes as convex hulls in separate fi
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import atan2, cos, hypot, sin
 from pathlib import Path
 from xml.etree import ElementTree
@@ -152,35 +152,59 @@ def chain_tree(
         base: mass of the base link; zero by default, for a fixed base.
         collisions: writes the chain's shapes; None for no collisions.
     """
+    root = ElementTree.Element("robot", name="chain")
+    add_link(root, "base", base or MassProperties.none(), chain.shapes[0] if chain.shapes else (), collisions)
+    add_moving_links(root, chain, collisions)
+    return root
+
+
+def object_tree(
+    piece: MassProperties,
+    shapes: Iterable[Shape],
+    chains: Mapping[int, ChainModel],
+    collisions: CollisionWriter,
+) -> ElementTree.Element:
+    """Return a free body as the link "object", and the moving links of chains whose base piece is part of it.
+
+    Args:
+        piece, shapes: of the link, base pieces included.
+        chains: by number of the arm k, their base poses in the object's frame; names begin with `arm_k_`.
+        collisions: writes the shapes.
+    """
+    root = ElementTree.Element("robot", name="object")
+    add_link(root, "object", piece, shapes, collisions)
+    for number, chain in chains.items():
+        add_moving_links(root, chain, collisions, "object", f"arm_{number}_")
+    return root
+
+
+def add_moving_links(
+    root: ElementTree.Element,
+    chain: ChainModel,
+    collisions: CollisionWriter | None = None,
+    base: str = "base",
+    prefix: str = "",
+) -> None:
+    """Add links and joints of body 1…n and tip; at a base named otherwise the base's pose is in its frame."""
     geometry = ChainGeometry.from_chain(chain)
     shapes = chain.shapes if collisions is not None and chain.shapes else ((),) * (chain.n_joints + 1)
-    root = ElementTree.Element("robot", name="chain")
-    add_link(root, "base", base or MassProperties.none(), shapes[0], collisions)
     for i in range(chain.n_joints):
-        add_link(root, f"body_{i + 1}", chain.bodies[i + 1], shapes[i + 1], collisions)
-        joint = add_joint(
-            root,
-            f"joint_{i + 1}",
-            JOINT_TYPES[geometry.kind],
-            "base" if i == 0 else f"body_{i}",
-            f"body_{i + 1}",
-        )
-        add_origin(joint, geometry.offsets[i], geometry.rest_rotations[i])
+        name = f"{prefix}body_{i + 1}"
+        add_link(root, name, chain.bodies[i + 1], shapes[i + 1], collisions)
+        parent = base if i == 0 else f"{prefix}body_{i}"
+        joint = add_joint(root, f"{prefix}joint_{i + 1}", JOINT_TYPES[geometry.kind], parent, name)
+        place, turn = geometry.offsets[i], geometry.rest_rotations[i]
+        if i == 0 and base != "base":
+            rotation = np.asarray(chain.base_rotation, float)
+            place, turn = chain.base_position_m + rotation @ place, rotation @ turn
+        add_origin(joint, place, turn)
         ElementTree.SubElement(joint, "axis", xyz=text(geometry.basis[:, 0]))
         if geometry.kind == "prismatic":
             # Wider than any chain, so that the limit never acts.
             ElementTree.SubElement(joint, "limit", lower="-1e3", upper="1e3", effort="1e9", velocity="1e9")
-    add_link(root, "tip", MassProperties(chain.payload_kg, np.zeros(3), np.zeros((3, 3))))
-    tip = add_joint(root, "tip", "fixed", f"body_{chain.n_joints}", "tip")
+    add_link(root, f"{prefix}tip", MassProperties(chain.payload_kg, np.zeros(3), np.zeros((3, 3))))
+    tip = add_joint(root, f"{prefix}tip", "fixed", f"{prefix}body_{chain.n_joints}", f"{prefix}tip")
     add_origin(tip, chain.tip_offset_m, np.eye(3))
-    return root
-
-
-def body_urdf(piece: MassProperties, shapes: Iterable[Shape], collisions: CollisionWriter) -> str:
-    """Return the URDF document of one free body."""
-    root = ElementTree.Element("robot", name="object")
-    add_link(root, "object", piece, shapes, collisions)
-    return document(root)
 
 
 def document(root: ElementTree.Element) -> str:

@@ -1,0 +1,1 @@
+"""Crawl: chains on a floor under periodic actuation."""
