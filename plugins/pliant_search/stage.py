@@ -25,6 +25,7 @@ from pliant_designs.stage import meta_model_stage
 from pliant_search.evaluate.evaluator import OF_EVERY_TASK, build_search_problem, evaluator_from_study
 from pliant_search.evaluate.scenarios import tolerance_notes
 from pliant_search.evaluate.solid_metrics import named_of_solids
+from pliant_search.polish.polish import require_polishable
 from pliant_search.problem.feasibility import require_feasible, require_reachable
 from pliant_search.problem.search_problem import SearchProblem, reevaluation_problem
 from pliant_search.records import FoundDesign, SearchResult, SearchRound
@@ -246,6 +247,8 @@ def _require_choosable(context: RunContext, study: Study, problem: SearchProblem
         )
     if config.confirm is not None:
         reevaluation_problem(problem)
+    if config.polish is not None:
+        require_polishable(context, problem, bool(capabilities.contexts and config.conditions))
     if config.halving is not None and len(problem.branches()) == 1:
         raise UserError(
             "search.halving chooses among the searches of 'each' variables, and this study has one search; leave it "
