@@ -1,7 +1,7 @@
 """Descents from one candidate: Levenberg–Marquardt on residuals, sequential quadratic programming on anything else.
 
-Both stay within the variables' ranges. Levenberg–Marquardt (`pliant.least_squares`) takes no candidate that breaks a
-constraint; where a constraint holds it up, SLSQP (Kraft 1988, by SciPy) goes on along the constraint.
+Both stay within the variables' ranges. Levenberg–Marquardt (`equilibria`) takes no candidate that breaks a constraint;
+where a constraint holds it up, SLSQP (Kraft 1988, by SciPy) goes on along the constraint.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from pliant.least_squares import Point, Steps, descend
 from pliant.records.design import Array
 from pliant_search.optimizer import POLISHED, Trial, Value
+from pliant_search.polish.equilibria import Equilibria
 from pliant_search.polish.slopes import Recorded, SlopeEvaluator, Slopes
 
 TRIES = 8  # dampings of one step
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-5, 1e-12, 1e3  # of the curvature of the residuals
+HARDER, EASIER = 5.0, 5.0
 LEAST_GAIN = 1e-5  # of the sum of squares, and of the objective: a step that gains less is the last
-LEAST_STEP = 1e-6  # of every range
 NEAR = 0.02  # margin of a constraint, of its terms, that may hold a descent up
 BACK_OFF = 1e-7  # margin that is kept, so that rounding breaks no constraint
 FIRST_MOVE = 0.1  # of a range: the first step of SLSQP along the steepest variable
@@ -106,29 +107,28 @@ class Descent:
             self.steps += 1
         return self._slopes[key]
 
-    # residuals are given as `pliant.least_squares` takes them: data − model
-    def point(self, x: Array) -> Point | None:
-        """Return residuals and cost at shares x; None for a candidate that fails or breaks a constraint."""
-        at = self._at(x)
-        if not at.trial.feasible or at.outcome is None or at.outcome.residuals is None:
-            return None
-        residuals = -at.outcome.residuals
-        return Point(x, residuals, float(residuals @ residuals))
-
-    def slopes(self, point: Point) -> Array | None:
-        """Return the slopes of the residuals at a point."""
-        found = self._slopes_at(point.x)
-        return None if found is None else found.residuals
-
     def _by_squares(self, x: Array) -> bool:
-        steps = Steps(
-            self._most, TRIES, harder=6.0, easier=6.0, least_damping=1e-9, least_gain=LEAST_GAIN, least_step=LEAST_STEP
-        )
-        point = self.point(x)
-        if point is None:
-            return False
-        begun = Point(point.x, point.residual, point.cost, self.slopes(point))
-        return descend(self, begun, steps, (np.zeros(len(x)), np.ones(len(x))))[1]
+        """Run Levenberg–Marquardt over the equilibria from shares x; return whether its steps had become small."""
+        at, damping = self._at(x), FIRST_DAMPING
+        for _ in range(self._most):
+            equilibria, cost = Equilibria(self._evaluator, at), at.trial.objective**2
+            self.steps += 1
+            for _ in range(TRIES):
+                step = equilibria.step(damping)
+                if step.gain < LEAST_GAIN * cost:
+                    return True
+                landed = equilibria.landed(step)
+                if landed is not None and landed.cost < cost:
+                    trial = self._at(landed.x)
+                    if trial.trial.feasible and trial.outcome is not None and trial.trial.objective**2 < cost:
+                        break
+                damping = min(damping * HARDER, MOST_DAMPING)
+            else:
+                return True  # no step of any length lowers the objective
+            at, damping = trial, max(damping / EASIER, LEAST_DAMPING)
+            if cost - at.trial.objective**2 < LEAST_GAIN * cost:
+                return True
+        return False
 
     def _by_programming(self, x: Array, smooth: NDArray[np.intp]) -> bool:
         """Run SLSQP from shares x; `smooth`: the comparisons that change with the variables."""

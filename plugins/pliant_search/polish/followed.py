@@ -10,18 +10,16 @@ one state. The task itself is run on these equilibria, so that its metrics need 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
-
 import numpy as np
-from scipy import linalg
 
 from pliant.config.study import Study
 from pliant.errors import ContractError
 from pliant.interfaces.physics import PhysicsBackend, Variation
 from pliant.interfaces.simulation import Simulation, SimulationState, StaticSimulation
 from pliant.interfaces.task import Task
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.pipeline.engine_checks import require_histories
 from pliant.records.chain import ChainModel
@@ -60,21 +58,33 @@ class TaskRun:
             return "a level of the task did not settle"
         return ""
 
-    def stiffnesses(self) -> list[Any]:
-        """Return the factors of K at each equilibrium.
+    @property
+    def q(self) -> list[Array]:
+        """Joint coordinates (n, a) of each level."""
+        return [equilibrium.joint_angles for _, equilibrium in self.settled]
 
-        Raises:
-            LinAlgError: a singular stiffness.
-        """
+    def at(self, q: Sequence[Array]) -> TaskRun:
+        """Return the run at other joint coordinates of its levels, to follow it from there."""
+        levels = [
+            (inputs, replace(one, joint_angles=there))
+            for (inputs, one), there in zip(self.settled, q, strict=True)
+        ]
+        return replace(self, settled=levels)
+
+    def stiffnesses(self) -> list[Array]:
+        """Return K (n·a, n·a) at each level."""
         assert self.chain is not None
-        statics, found = ChainStatics(self.chain), []
-        for inputs, equilibrium in self.settled:
-            balance = statics.balance(equilibrium.joint_angles, Loads.from_inputs(self.chain, inputs))
-            factors = linalg.lu_factor(balance.stiffness, check_finite=True)
-            if not np.abs(np.diag(factors[0])).min() > 0.0:
-                raise linalg.LinAlgError("singular stiffness")
-            found.append(factors)
-        return found
+        statics = ChainStatics(self.chain)
+        return [
+            statics.balance(equilibrium.joint_angles, Loads.from_inputs(self.chain, inputs)).stiffness
+            for inputs, equilibrium in self.settled
+        ]
+
+    def reach(self) -> Array:
+        """Return (levels · n · a,) the change of each coordinate that is equivalent to 1 rad."""
+        assert self.chain is not None
+        own = np.tile(ChainGeometry.from_chain(self.chain).reach, self.chain.n_joints)
+        return np.tile(own, len(self.settled))
 
 
 class RecordedSimulation(Simulation):
@@ -120,12 +130,16 @@ class RecordedSimulation(Simulation):
         self.inner.close()
 
 
-class FollowedSimulation(StaticSimulation):
-    """A changed chain at the equilibria of another run, moved to first order."""
+# From the index of a level and the residual (n, a) of the changed chain at the recorded q to the q to show.
+Placed = Callable[[int, Array], Array]
 
-    def __init__(self, chain: ChainModel, base: TaskRun, stiffnesses: Sequence[Any]) -> None:
+
+class FollowedSimulation(StaticSimulation):
+    """A changed chain that is shown at coordinates chosen by the residuals at the equilibria of another run."""
+
+    def __init__(self, chain: ChainModel, base: TaskRun, placed: Placed) -> None:
         super().__init__(chain)
-        self._levels = iter(zip(base.settled, stiffnesses, strict=True))
+        self._levels, self._placed = iter(enumerate(base.settled)), placed
         self._statics, self._loads = ChainStatics(chain), Loads.none(chain)
 
     def apply(self, inputs: Inputs) -> None:
@@ -133,12 +147,10 @@ class FollowedSimulation(StaticSimulation):
 
     def settle(self) -> Equilibrium:
         try:
-            (_, equilibrium), stiffness = next(self._levels)
+            level, (_, equilibrium) = next(self._levels)
         except StopIteration:
             raise ContractError("the task settles the changed chain more often than the recorded one") from None
-        q = equilibrium.joint_angles
-        residual = self._statics.residual(q, self._loads)
-        self.q = q + linalg.lu_solve(stiffness, residual.ravel()).reshape(q.shape)
+        self.q = self._placed(level, self._statics.residual(equilibrium.joint_angles, self._loads))
         return replace(equilibrium, joint_angles=self.q, markers_m=self._statics.geometry.markers(self.q))
 
 
@@ -161,15 +173,13 @@ class _EngineInPlace(PhysicsBackend):
 
 
 class _Follower(PhysicsBackend):
-    def __init__(
-        self, engine: PhysicsBackend, run: TaskRun, base: TaskRun, stiffnesses: Sequence[Any]
-    ) -> None:
+    def __init__(self, engine: PhysicsBackend, run: TaskRun, base: TaskRun, placed: Placed) -> None:
         super().__init__(engine.config)
-        self._run, self._base, self._stiffnesses = run, base, stiffnesses
+        self._run, self._base, self._placed = run, base, placed
 
     def build(self, chain: ChainModel) -> Simulation:
         self._run.chain = chain
-        return FollowedSimulation(chain, self._base, self._stiffnesses)
+        return FollowedSimulation(chain, self._base, self._placed)
 
 
 class RecordedPath(FastPath):
@@ -183,8 +193,8 @@ class RecordedPath(FastPath):
         run.result = self.run(study, draw, lambda engine: _EngineInPlace(engine, run))
         return run.result
 
-    def followed(self, study: Study, base: TaskRun, stiffnesses: Sequence[Any]) -> TaskRun:
-        """Return the run of a study whose chain settles next to the equilibria of `base`."""
+    def followed(self, study: Study, base: TaskRun, placed: Placed) -> TaskRun:
+        """Return the run of a study whose chain is shown next to the equilibria of `base`."""
         run = TaskRun(task=self.context.build("task", study.noisy_task()))
-        run.result = self.run(study, None, lambda engine: _Follower(engine, run, base, stiffnesses))
+        run.result = self.run(study, None, lambda engine: _Follower(engine, run, base, placed))
         return run

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,7 @@ class SlopeEvaluator:
         self._context, self._path = context, RecordedPath(context, problem.study)
         self._path.runs = []
         self._evaluator.path = self._path
+        self._scaled = "", 1.0  # metric of the residuals, and the objective per metric
         self.free = tuple(
             one.variable for one in problem.variables if one.variable.type == "real" and not one.each
         )
@@ -97,42 +99,67 @@ class SlopeEvaluator:
         A variable that can be moved to neither side, since its design is refused there, has zero slopes.
         """
         try:
-            stiffnesses = [run.stiffnesses() for run in at.runs]
-        except linalg.LinAlgError:
+            factors = [[linalg.lu_factor(K) for K in run.stiffnesses()] for run in at.runs]
+        except (linalg.LinAlgError, ValueError):
             return None
-        base = self._followed(at.trial.values, at, stiffnesses)
+
+        def settled(condition: int, level: int, residual: Array) -> Array:
+            """Return the equilibrium of the changed chain by one Newton step."""
+            q = at.runs[condition].q[level]
+            step = linalg.lu_solve(factors[condition][level], residual.ravel())
+            return np.asarray(q + step.reshape(q.shape))
+
+        base = self.shown(at.trial.values, at.runs, settled)
         if base is None:
             return None
-        x, here, columns = self.shares(at.trial.values), base.row(), []
-        for k in range(len(x)):
-            column = np.zeros(len(here))
-            sides = (STEP, -STEP) if x[k] <= 0.5 else (-STEP, STEP)
-            for step in sides:
-                moved = x.copy()
-                moved[k] += step
-                there = self._followed(self.with_shares(at.trial.values, moved), at, stiffnesses)
-                if there is not None and np.isfinite(there.row()).all():
-                    column = (there.row() - here) / step
-                    break
-            columns.append(column)
-        table = np.array(columns).reshape(len(x), len(here)).T
+        table = self.differences(
+            at.trial.values,
+            base.row(),
+            lambda values: (found := self.shown(values, at.runs, settled)) and found.row(),
+        )
         count = len(base.margins)
         return Slopes(table[0], table[1 : 1 + count], table[1 + count :])
+
+    def differences(
+        self, values: Mapping[str, Value], here: Array, row: Callable[[Mapping[str, Value]], Array | None]
+    ) -> Array:
+        """Return (len(row), k) slopes of a row of numbers by the free variables; see `slopes` for refused designs."""
+        x, columns = self.shares(values), []
+        for k in range(len(x)):
+            column = np.zeros(len(here))
+            for step in (STEP, -STEP) if x[k] <= 0.5 else (-STEP, STEP):
+                moved = x.copy()
+                moved[k] += step
+                there = row(self.with_shares(values, moved))
+                if there is not None and np.isfinite(there).all():
+                    column = (there - here) / step
+                    break
+            columns.append(column)
+        return np.array(columns).reshape(len(x), len(here)).T
 
     def obstacle(self, at: Recorded) -> str:
         """Return why a candidate has no slopes, as part of a sentence; empty if it has them."""
         return next((cause for run in at.runs if (cause := run.obstacle())), "")
 
-    def _followed(
-        self, values: Mapping[str, Value], at: Recorded, stiffnesses: Sequence[Any]
+    def shown(
+        self,
+        values: Mapping[str, Value],
+        runs: Sequence[TaskRun],
+        placed: Callable[[int, int, Array], Array],
     ) -> Outcome | None:
-        """Return the outcome of values close to a recorded candidate; None for a design that is refused."""
+        """Return the outcome of values near recorded runs; None for a design that is refused.
+
+        Args:
+            values: of the candidate.
+            runs: one for each condition.
+            placed: from condition, level and residual to the joint coordinates there (`followed.Placed`).
+        """
         try:
-            runs = tuple(
-                self._path.followed(self.problem.apply(values, c), run, factors)
-                for c, (run, factors) in enumerate(zip(at.runs, stiffnesses, strict=True))
+            found = tuple(
+                self._path.followed(self.problem.apply(values, c), run, partial(placed, c))
+                for c, run in enumerate(runs)
             )
-            return self._outcome(values, runs)
+            return self._outcome(values, found)
         except MissingDependencyError:
             raise
         except PliantError:
@@ -161,8 +188,8 @@ class SlopeEvaluator:
             return None
         assert run.task is not None and run.chain is not None and run.result is not None
         name = metric_name(objective.names[0].name, metrics) or ""
-        found = run.task.residuals(run.chain, run.result).get(name)
-        if found is None:
+        found = run.task.residuals(run.chain, run.result)
+        if name not in found:
             return None
         # as scaled by the formula, if it is proportional to the metric
         once, twice = (
@@ -171,4 +198,10 @@ class SlopeEvaluator:
         )
         if not np.isclose(twice, 2.0 * once, rtol=1e-9, atol=0.0) or not once > 0.0:
             return None
-        return np.asarray(found, float) * (once / metrics[name])
+        self._scaled = name, once / metrics[name]
+        return self.scaled(found)
+
+    def scaled(self, residuals: Mapping[str, Array]) -> Array:
+        """Return those of a task's residuals whose norm is the objective, where the last outcome has such residuals."""
+        name, factor = self._scaled
+        return factor * np.asarray(residuals[name], float)
