@@ -43,7 +43,8 @@ TRUE = {"turn": 1.2, "length": 5.1e-3, "roll": 0.35, "pressure": 11e3}
 TRAVEL = """\
 pliant: 1
 name: travel
-surrogate: {kind: polynomial, form: study, joint: prismatic, coefficients: {k_n: 4e-4, m_a: 0.2, b_a: 0, m_e: 9e3, b_e: 900}}
+surrogate:
+  {kind: polynomial, form: study, joint: prismatic, coefficients: {k_n: 4e-4, m_a: 0.2, b_a: 0, m_e: 9e3, b_e: 900}}
 chain: {modules: 3, module_length: 10 mm, module_mass: 4 g, gravity: [-9.81, 0, 0]}
 physics: quasistatic
 task: {kind: free_bending, pressure: 10 kPa, steps: 2}
@@ -99,7 +100,9 @@ def test_slopes_of_a_prismatic_chain_by_input_length_and_payload(tmp_path):
 @pytest.mark.slow
 def test_slopes_at_several_levels_with_effects_and_in_conditions(tmp_path):
     effects = "effects:\n  - {kind: stiffness, factor: 1.2}\n  - {kind: actuation_gain, gain: 0.9}\n"
-    conditions = "over_conditions: worst\nconditions: {free: {chain.payload: 0 g}, held: {chain.payload: 2 g}}\n"
+    conditions = (
+        "over_conditions: worst\nconditions: {free: {chain.payload: 0 g}, held: {chain.payload: 2 g}}\n"
+    )
     agree(*bench.opened(tmp_path, bench.SPATIAL + effects, SHAPE + conditions))
 
 
@@ -115,7 +118,9 @@ def own_target(tmp_path):
     one, problem = bench.opened(tmp_path, bench.SPATIAL, SHAPE)
     shape = simulate_study(one.context, problem.apply(TRUE, 0)).engines[0].result.metrics["backbone_points_m"]
     points = tmp_path / "points.csv"
-    np.savetxt(points, _in_base(problem.apply(TRUE, 0), shape), delimiter=",", header="x_m,y_m,z_m", comments="")
+    np.savetxt(
+        points, _in_base(problem.apply(TRUE, 0), shape), delimiter=",", header="x_m,y_m,z_m", comments=""
+    )
     study = bench.SPATIAL.replace("{radius: 18 mm, height: 60 mm}", f"{{points: {points}}}")
     return study.replace("alignment: roll", "alignment: direction")
 
@@ -180,7 +185,9 @@ def of_shape(tmp_path, *overrides, progress=None, store="store"):
     """Return the study of its own shape, opened for a short search that is polished."""
     path = tmp_path / "study.yaml"
     if not path.exists():
-        body = "".join(f"  {line}\n" for line in f"{SHAPE}budget: 24\nverify: null\nsensitivity: false".splitlines())
+        body = "".join(
+            f"  {line}\n" for line in f"{SHAPE}budget: 24\nverify: null\nsensitivity: false".splitlines()
+        )
         path.write_text(f"{own_target(tmp_path)}search:\n{body}optimizer: {{kind: cmaes}}\n")
     one = api.open_study(path, ["search.polish={best: 3}", *overrides], store=tmp_path / store)
     return one if progress is None else replace(one, context=replace(one.context, progress=progress))
@@ -215,9 +222,7 @@ def test_an_interrupted_polish_goes_on_and_ends_as_an_uninterrupted_one(tmp_path
         api.optimize(of_shape(tmp_path, progress=Watched(1, title="polishing")), workers=1)
     begun = []
     descended = polish.descended
-    monkeypatch.setattr(
-        polish, "descended", lambda *how: (begun.append(how[-1]), descended(*how))[1]
-    )
+    monkeypatch.setattr(polish, "descended", lambda *how: (begun.append(how[-1]), descended(*how))[1])
     again = api.optimize(of_shape(tmp_path), workers=1)
     assert len(begun) < len(whole.polished)
     assert again.polished == whole.polished

@@ -69,7 +69,9 @@ class Descent:
         """Descend; return everything that was evaluated."""
         start, origin = self._start, self._origin
         at = self._at(origin)
-        obstacle = self._evaluator.obstacle(at) if at.outcome is not None else "it could not be simulated again"
+        obstacle = (
+            self._evaluator.obstacle(at) if at.outcome is not None else "it could not be simulated again"
+        )
         slopes = None if obstacle else self._slopes_at(origin)
         if slopes is None:
             return self._path(False, obstacle or "its stiffness is singular")

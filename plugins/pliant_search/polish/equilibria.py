@@ -1,12 +1,13 @@
 """Least squares over a candidate's equilibria: design and joint coordinates move together.
 
 Near a fold or a bifurcation a chain answers a tiny change of the design by a large one of its shape: ∂q/∂θ = K⁻¹ ∂R/∂θ
-grows without bound, and steps in θ alone are lost in a valley as narrow as it is curved. The set R(q; θ) = 0 itself stays
-smooth there. Steps are therefore taken in it: along an orthonormal basis Z of the null space of [K, −∂R/∂θ], with
+grows without bound, and steps in θ alone are lost in a valley as narrow as it is curved. The set R(q; θ) = 0 itself
+stays smooth there. Steps are therefore taken in it: along an orthonormal basis Z of the null space of [K, −∂R/∂θ], with
 
     min |r + J Z s|² + λ |s|²,   J Z = ∂r/∂θ Z_θ + ∂r/∂q Z_q
 
-(Levenberg–Marquardt on a manifold: Absil, Mahony, Sepulchre 2008, ch. 8), then back onto it by the shortest corrections.
+(Levenberg–Marquardt on a manifold: Absil, Mahony, Sepulchre 2008, ch. 8), then back onto it by the shortest
+corrections.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ STEP_RAD = 1e-7  # along the joint coordinates: one-sided differences of the res
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A point of the set: shares x (k,), joint coordinates q (n,) of all levels in rad or its equivalent, residuals (r,)."""
+    """A point of the set: shares x (k,), joint coordinates q (n,) in rad or its equivalent, residuals (r,).
+
+    q has all levels of the task.
+    """
 
     x: Array
     q: Array
@@ -132,11 +136,13 @@ class Equilibria:
         """Return the residuals (r,) of the recorded chain at joint coordinates (n,)."""
         run = self._run
         assert run.task is not None and run.chain is not None
-        shown = FollowedSimulation(run.chain, run.at(self._levels(q)), lambda level, _: self._levels(q)[level])
+        shown = FollowedSimulation(
+            run.chain, run.at(self._levels(q)), lambda level, _: self._levels(q)[level]
+        )
         return self._evaluator.scaled(run.task.residuals(run.chain, run.task.run(shown)))
 
-    def _levels(self, q: Array) -> Array:
-        return np.asarray((q * self._reach).reshape(-1, *self._run.q[0].shape))
+    def _levels(self, q: Array) -> list[Array]:
+        return list((q * self._reach).reshape(-1, *self._run.q[0].shape))
 
     def _row(self, values: Mapping[str, Value], q: Array) -> Array | None:
         """Return residuals of the shape and of the equilibria (r + n,) of a candidate at joint coordinates."""
@@ -144,7 +150,7 @@ class Equilibria:
 
         def placed(condition: int, level: int, residual: Array) -> Array:
             unbalanced.append(residual.ravel())
-            return np.asarray(levels[level])
+            return levels[level]
 
         found = self._evaluator.shown(values, [self._run.at(levels)], placed)
         if found is None or found.residuals is None:

@@ -1,17 +1,19 @@
 """Equilibria of a task that are recorded once, and followed to first order as the chain changes.
 
-With the residual R(q; θ) = 0 of the recorded equilibrium q and its stiffness K = −∂R/∂q, a chain changed by Δθ settles at
+With the residual R(q; θ) = 0 of the recorded equilibrium q and its stiffness K = −∂R/∂q, a chain changed by Δθ settles
+at
 
     q + K⁻¹ R(q; θ + Δθ) = q + ∂q/∂θ Δθ + O(Δθ²)
 
-the implicit derivative, without an iteration. Only R is evaluated for the changed chain: of its laws that is the effort at
-one state. The task itself is run on these equilibria, so that its metrics need no derivatives of their own.
+the implicit derivative, without an iteration. Only R is evaluated for the changed chain: of its laws that is the effort
+at one state. The task itself is run on these equilibria, so that its metrics need no derivatives of their own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+
 import numpy as np
 
 from pliant.config.study import Study
@@ -149,7 +151,9 @@ class FollowedSimulation(StaticSimulation):
         try:
             level, (_, equilibrium) = next(self._levels)
         except StopIteration:
-            raise ContractError("the task settles the changed chain more often than the recorded one") from None
+            raise ContractError(
+                "the task settles the changed chain more often than the recorded one"
+            ) from None
         self.q = self._placed(level, self._statics.residual(equilibrium.joint_angles, self._loads))
         return replace(equilibrium, joint_angles=self.q, markers_m=self._statics.geometry.markers(self.q))
 

@@ -138,7 +138,10 @@ def _same_valley(problem: SearchProblem, one: Mapping[str, Value], other: Mappin
 
 
 def _generation(path: PolishedPath, config: PolishConfig, wall_s: float) -> Generation:
-    """Return a descent as a line of a journal: the start first; `size` counts steps, `asked` is 0 unless it converged."""
+    """Return a descent as a line of a journal, the start first.
+
+    `size` is the number of steps, `asked` 0 unless the descent converged.
+    """
     start = replace(path.start, cause=path.obstacle)
     return Generation(config.steps if path.converged else 0, path.steps, (start, *path.trials), wall_s)
 

@@ -79,7 +79,9 @@ class SlopeEvaluator:
 
     def with_shares(self, values: Mapping[str, Value], x: Array) -> dict[str, Value]:
         """Return the values with the free variables at shares x (k,) of their ranges, within them."""
-        found = {v.name: v.low + share * (v.high - v.low) for v, share in zip(self.free, x.tolist(), strict=True)}
+        found = {
+            v.name: v.low + share * (v.high - v.low) for v, share in zip(self.free, x.tolist(), strict=True)
+        }
         return {**values, **{v.name: min(max(found[v.name], v.low), v.high) for v in self.free}}
 
     def evaluate(self, values: Mapping[str, Value]) -> Recorded:
@@ -109,14 +111,14 @@ class SlopeEvaluator:
             step = linalg.lu_solve(factors[condition][level], residual.ravel())
             return np.asarray(q + step.reshape(q.shape))
 
+        def row(values: Mapping[str, Value]) -> Array | None:
+            found = self.shown(values, at.runs, settled)
+            return None if found is None else found.row()
+
         base = self.shown(at.trial.values, at.runs, settled)
         if base is None:
             return None
-        table = self.differences(
-            at.trial.values,
-            base.row(),
-            lambda values: (found := self.shown(values, at.runs, settled)) and found.row(),
-        )
+        table = self.differences(at.trial.values, base.row(), row)
         count = len(base.margins)
         return Slopes(table[0], table[1 : 1 + count], table[1 + count :])
 
