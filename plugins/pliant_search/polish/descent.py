@@ -23,7 +23,8 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-5, 1e-12, 1e3  # of the curvatur
 HARDER, EASIER = 5.0, 5.0
 LEAST_GAIN = 1e-5  # of the sum of squares, and of the objective: a step that gains less is the last
 NEAR = 0.02  # margin of a constraint, of its terms, that may hold a descent up
-BACK_OFF = 1e-7  # margin that is kept, so that rounding breaks no constraint
+TOLERANCE = 1e-6  # of SLSQP: of the objective in first moves over a range, and of margins
+BACK_OFF = 5 * TOLERANCE  # margin that is kept, so that the end breaks no constraint
 FIRST_MOVE = 0.1  # of a range: the first step of SLSQP along the steepest variable
 AT_BOUND = 1e-9  # of a range
 WORSE = 10.0  # penalty of a candidate without a result, in first moves
@@ -166,7 +167,7 @@ class Descent:
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(x),
             constraints=held,
-            options={"maxiter": self._most, "ftol": LEAST_GAIN * FIRST_MOVE},
+            options={"maxiter": self._most, "ftol": TOLERANCE},
         )
         return bool(done.success)
 
