@@ -138,7 +138,7 @@ def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str,
     whole: dict[str, Any] = {k: v for k, v in parts.get(MAIN, {}).items() if k != "made_of"}
     for shown_elsewhere in ("lines", "units"):
         whole.pop(shown_elsewhere, None)
-    found = {**whole, **stated, "published": SHAPE, "runs": runs}
+    found = {**whole, **stated, "published": SHAPE, "asked": [one.name for one in ASKED], "runs": runs}
     return {**found, "bars": [] if stated["small"] else [bar.json() for bar in bars(runs)]}
 
 
