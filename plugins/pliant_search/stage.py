@@ -25,11 +25,11 @@ from pliant_designs.stage import meta_model_stage
 from pliant_search.evaluate.evaluator import OF_EVERY_TASK, build_search_problem, evaluator_from_study
 from pliant_search.evaluate.scenarios import tolerance_notes
 from pliant_search.evaluate.solid_metrics import named_of_solids
-from pliant_search.polish.polish import require_polishable
 from pliant_search.problem.feasibility import require_feasible, require_reachable
 from pliant_search.problem.search_problem import SearchProblem, reevaluation_problem
 from pliant_search.records import FoundDesign, SearchResult, SearchRound
 from pliant_search.run.journal import keep_journals, take_journals
+from pliant_search.run.polishing import require_polishable
 from pliant_search.run.search import EXPORT, Search, warm_started
 from pliant_search.stage_keys import ENDS, MODULES, search_components, search_content
 from pliant_search.verify.check import checked

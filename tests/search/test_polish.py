@@ -13,11 +13,11 @@ from pliant.errors import UserError
 from pliant.pipeline.chain import base_rotation
 from pliant.pipeline.study import simulate_study
 from pliant_search.optimizer import POLISHED
-from pliant_search.polish import polish
 from pliant_search.polish.descent import Descent
 from pliant_search.polish.slopes import SlopeEvaluator
 from pliant_search.report.document import lines
 from pliant_search.report.folder import search_json
+from pliant_search.run import polishing
 
 ANGLE = """\
 variables:
@@ -221,8 +221,8 @@ def test_an_interrupted_polish_goes_on_and_ends_as_an_uninterrupted_one(tmp_path
     with pytest.raises(StopError):
         api.optimize(of_shape(tmp_path, progress=Watched(1, title="polishing")), workers=1)
     begun = []
-    descended = polish.descended
-    monkeypatch.setattr(polish, "descended", lambda *how: (begun.append(how[-1]), descended(*how))[1])
+    descended = polishing.descended
+    monkeypatch.setattr(polishing, "descended", lambda *how: (begun.append(how[-1]), descended(*how))[1])
     again = api.optimize(of_shape(tmp_path), workers=1)
     assert len(begun) < len(whole.polished)
     assert again.polished == whole.polished

@@ -20,7 +20,6 @@ from pliant_search.analyse.limits import limits
 from pliant_search.analyse.sensitivity import slopes
 from pliant_search.evaluate.evaluator import Evaluator, evaluated, evaluator_from_study
 from pliant_search.optimizer import Space, Trial
-from pliant_search.polish.polish import Polish
 from pliant_search.problem.search_problem import SearchProblem
 from pliant_search.records import (
     STATUSES,
@@ -32,6 +31,7 @@ from pliant_search.records import (
 )
 from pliant_search.run.journal import Journal
 from pliant_search.run.loop import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch, Loop
+from pliant_search.run.polishing import Polish
 from pliant_search.run.reevaluation import reevaluated
 from pliant_search.run.results import Row, best_row, build_history, found_design, pareto_front, refusal_counts
 from pliant_search.workers import Setup, finished_trial, trial_queue
