@@ -74,6 +74,7 @@ class Equilibria:
         stiffness = linalg.block_diag(*self._run.stiffnesses()) * self._reach
         self._scale = float(np.abs(np.diag(stiffness)).max())
         self._jacobian = np.hstack([stiffness, -table[self._count :]]) / self._scale
+        self._tangents: dict[bytes, tuple[Array, Array]] = {}  # by the free variables
 
     def step(self, damping: float) -> Step:
         """Return the step of a damping, relative to the curvature of the residuals."""
@@ -116,15 +117,22 @@ class Equilibria:
         n, k = len(self._reach), len(free)
         if not free.any():
             return np.zeros(n), np.zeros(k), np.zeros(self._count)
-        columns = np.concatenate([np.ones(n, bool), free])
-        orthogonal = np.linalg.qr(self._jacobian[:, columns].T, mode="complete")[0]
-        basis = np.zeros((n + k, int(free.sum())))
-        basis[columns] = orthogonal[:, n:]
-        slopes = self._by_design @ basis[n:] + self._along(basis[:n])
+        basis, slopes = self._tangent(free)
         normal = slopes.T @ slopes
         damped = normal + damping * float(np.trace(normal)) * np.eye(len(normal))
         s = -np.linalg.solve(damped, slopes.T @ self.place.residuals)
         return basis[:n] @ s, basis[n:] @ s, slopes @ s
+
+    def _tangent(self, free: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Return the basis Z (n + k, m) of the set, some variables held, and the slopes J Z (r, m)."""
+        key, n = free.tobytes(), len(self._reach)
+        if key not in self._tangents:
+            columns = np.concatenate([np.ones(n, bool), free])
+            orthogonal = np.linalg.qr(self._jacobian[:, columns].T, mode="complete")[0]
+            basis = np.zeros((len(columns), int(free.sum())))
+            basis[columns] = orthogonal[:, n:]
+            self._tangents[key] = basis, self._by_design @ basis[n:] + self._along(basis[:n])
+        return self._tangents[key]
 
     def _along(self, directions: Array) -> Array:
         """Return (r, m) slopes of the residuals along directions (n, m) of the joint coordinates."""
