@@ -80,6 +80,8 @@ def rounds(result: Result) -> Iterator[str]:
             causes = ", ".join([*one["broken"], *one["leaning"]])
             objective = millimetres(next(iter(one["objectives"].values())))
             rows.append((f"`{name}`, {number}", str(one["evaluations"]), objective, worst, causes))
+    if not rows:
+        return iter(["No winner was searched again."])
     return table(
         "search, round | evaluations | predicted RMSE | law against FEM, at worst | why it went on", rows
     )
