@@ -229,6 +229,11 @@ def test_an_interrupted_polish_goes_on_and_ends_as_an_uninterrupted_one(tmp_path
     assert dict(again.best[0].values) == dict(whole.best[0].values)
 
 
+def test_a_search_without_polish_has_the_keys_of_earlier_results(tmp_path):
+    assert "polish" not in of_shape(tmp_path, "search.polish=null").study.canonical()["search"]
+    assert of_shape(tmp_path).study.canonical()["search"]["polish"] == {"best": 3, "steps": 40}
+
+
 REFUSED = (
     ("search.objective=[rmse, task.pressure]", "several"),
     ("search.robust={samples: 2, vary: {task.pressure: 1 kPa}, laws: false}", "search.robust"),
