@@ -214,6 +214,23 @@ def test_a_search_polishes_its_best_candidates_counts_and_shows_them(tmp_path):
     assert dict(side_by_side.best[0].values) == dict(result.best[0].values)
 
 
+TOGETHER = (
+    "search.conditions={free: {chain.payload: 0 g}, held: {chain.payload: 2 g}}",
+    "optimizer={kind: optuna}",
+    "search.variables.n={key: chain.segments.0.modules, low: 3, high: 4, each: true}",
+    "search.confirm={best: 2, change: {task.steps: 4}}",
+    "search.constraints=['tip_x >= 20 mm', 'outside_domain <= 0']",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("override", TOGETHER)
+def test_a_search_is_polished_with_whatever_else_it_has(tmp_path, override):
+    result = api.optimize(of_shape(tmp_path, override, "search.polish={best: 2, steps: 12}"), workers=1)
+    assert result.best[0].number == POLISHED
+    assert all(one.after < one.before and not one.obstacle for one in result.polished)
+
+
 @pytest.mark.slow
 def test_an_interrupted_polish_goes_on_and_ends_as_an_uninterrupted_one(tmp_path, monkeypatch):
     whole = api.optimize(of_shape(tmp_path, store="whole"), workers=1)
