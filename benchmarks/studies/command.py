@@ -38,7 +38,7 @@ from pliant_search.stage import search_study
 
 Part = dict[str, Any]
 # Entries of a result other than its main search.
-AROUND = ("small", "overrides", "published", "runs", "baseline", "seeds", "bars")
+AROUND = ("small", "asked", "overrides", "published", "runs", "baseline", "seeds", "bars")
 
 
 @dataclass(frozen=True)

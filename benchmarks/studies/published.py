@@ -30,9 +30,12 @@ GRIPPER: dict[str, Any] = {
 
 # Targets: m, s, shares, counts.
 SHAPE_BARS = {
+    "polished": {"rmse_m": 0.5e-3, "e_max_m": 1e-3},
     "free": {"rmse_m": 1.5e-3, "e_max_m": 3e-3},
     "fixed": {"rmse_m": 3.5e-3, "e_max_m": 7e-3},
     "apart_m": 0.5e-3,
+    "predicted_rmse_m": 4e-3,
+    "law_worst": 0.03,
     "evaluations_wall_s": 120.0,
     "generations_wall_s": 1200.0,
 }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from benchmarks.pages import Result, Tables, table
 from benchmarks.studies import page
-from benchmarks.studies.page import Pictures, clock, millimetres
+from benchmarks.studies.page import Pictures, clock, millimetres, percent
 from benchmarks.studies.published import SOURCE
 from benchmarks.studies.shape_bars import METRICS, apart, engines, pair, verified_metric
 
@@ -44,6 +44,46 @@ def runs(result: Result) -> Iterator[str]:
         "search | candidates | wall time, search only | in kernels | predicted RMSE / e_max | verified | "
         "verified, other engine | apart | joints outside their data at any level, predicted / verified",
         rows,
+    )
+
+
+def missing(result: Result) -> Iterator[str]:
+    """Yield which searches were not run with the laws of today."""
+    names = [f"`{name}`" for name in result.get("asked", ()) if name not in result["runs"]]
+    if names:
+        yield f"**Not run with today's laws**: {', '.join(names)}; `make study-shape` runs what is missing."
+    else:
+        yield "Every search was run with today's laws."
+
+
+def polish(result: Result) -> Iterator[str]:
+    """Return a table of the descents of the searches that are polished, all together."""
+    rows = []
+    for name, run in result["runs"].items():
+        descents = run.get("polished") or ()
+        if descents:
+            evaluations, slopes = (str(sum(one[key] for one in descents)) for key in ("evaluations", "steps"))
+            before, after = (
+                [millimetres(one[key]) for one in sorted(descents, key=lambda one: one["before"])]
+                for key in ("before", "after")
+            )
+            rows.append((f"`{name}`", evaluations, slopes, ", ".join(before), ", ".join(after)))
+    return table("search | evaluations | slopes | RMSE of each candidate before | after", rows)
+
+
+def rounds(result: Result) -> Iterator[str]:
+    """Return a table of the searches that went on with direct FEM of their winner among the laws' data."""
+    rows = []
+    for name, run in result["runs"].items():
+        for number, one in enumerate(run.get("rounds") or (), start=1):
+            worst = percent(one["worst_of_range"])
+            causes = ", ".join([*one["broken"], *one["leaning"]])
+            objective = millimetres(next(iter(one["objectives"].values())))
+            rows.append((f"`{name}`, {number}", str(one["evaluations"]), objective, worst, causes))
+    if not rows:
+        return iter(["No winner was searched again."])
+    return table(
+        "search, round | evaluations | predicted RMSE | law against FEM, at worst | why it went on", rows
     )
 
 
@@ -166,5 +206,7 @@ WORDS = {
     "history": "Best so far of every structure",
     "structures": "Best of every structure",
 }
-TABLES: Tables = {make.__name__: make for make in (page.state, page.reached, runs, laws, best)}
+TABLES: Tables = {
+    make.__name__: make for make in (page.state, page.reached, runs, missing, polish, rounds, laws, best)
+}
 TABLES |= page.shown_pictures("shape_matching", PICTURES, WORDS)

@@ -6,7 +6,14 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from pliant.config.chain import Count
 from pliant.interfaces.base import FrozenModel
@@ -143,6 +150,19 @@ class ConfirmConfig(FrozenModel):
     )
 
 
+class PolishConfig(FrozenModel):
+    """A descent from the best candidates, by slopes through the chain's equilibrium; see `pliant_search.polish`."""
+
+    best: Count = Field(
+        8,
+        ge=1,
+        le=10_000,
+        description="candidates that it begins from, best first; those near a better one with the same choices and "
+        "whole numbers are left out",
+    )
+    steps: Count = Field(40, ge=1, le=10_000, description="at most, of each descent")
+
+
 class VerifyConfig(FrozenModel):
     """The check of the best design: direct FEM of its modules, laws fitted to that, the task in the study's engine
     and in those of `cross_check`.
@@ -210,6 +230,11 @@ class SearchConfig(FrozenModel):
         "mean", description="of the objective over the conditions"
     )
     robust: RobustConfig | None = Field(None, description="designs for what is uncertain")
+    polish: PolishConfig | None = Field(
+        None,
+        description="descents from the best candidates over the real variables, by slopes; whole numbers and choices "
+        "stay",
+    )
     confirm: ConfirmConfig | None = Field(
         None, description="of noisy tasks: the best candidates once more, before one is chosen"
     )
@@ -245,6 +270,11 @@ class SearchConfig(FrozenModel):
                     else f"'{name}' is no name: letters, digits and _, parted by dots"
                 )
         return variables
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, dumped: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave `polish` out if there is none, as in keys of earlier results."""
+        return {name: value for name, value in dumped(self).items() if name != "polish" or value is not None}
 
     @property
     def objectives(self) -> tuple[ObjectiveConfig, ...]:

@@ -137,6 +137,13 @@ class Expression:
         """
         return _amount(self.tree, values)
 
+    def margins(self, values: Values) -> list[float]:
+        """Return how far each comparison is from being violated, signed, over the same magnitude as `amount`.
+
+        A comparison of texts gives 0 or −1; NaN gives −1.
+        """
+        return [float(one) for one in _margins(self.tree, values)]
+
     def uses(self, role: str) -> bool:
         """Return whether the expression contains a symbol of a role: variable, key or metric."""
         return any(symbol.role == role for symbol in self.names)
@@ -170,6 +177,22 @@ def _amount(node: Node, values: Values) -> Array:
     assert isinstance(node, Call)
     if node.function == "and":
         return np.asarray(_sum(*(_amount(inner, values) for inner in node.of)))
+    share = _miss(node, values)
+    missed = share >= 0 if node.function in ("<", ">") else share > 0
+    return np.where(missed, np.clip(share, LEAST, 1.0), 0.0)
+
+
+def _margins(node: Node, values: Values) -> Iterator[Array]:
+    assert isinstance(node, Call)
+    if node.function == "and":
+        for inner in node.of:
+            yield from _margins(inner, values)
+    else:
+        yield -_miss(node, values)
+
+
+def _miss(node: Call, values: Values) -> Array:
+    """Return by how much a comparison is missed over the magnitude of its terms, negative where it holds."""
     left, right = (_value(side, values) for side in node.of)
     if _is_text(node.of[0]):
         return np.asarray(np.asarray(left, dtype=object) != np.asarray(right, dtype=object), dtype=float)
@@ -177,10 +200,8 @@ def _amount(node: Node, values: Values) -> Array:
         scale = _size(node.of[0], values) + _size(node.of[1], values)
         miss = np.asarray(left - right if node.function in ("<", "<=") else right - left, dtype=float)
         miss = np.abs(miss) if node.function == "==" else miss
-        share = np.clip(miss / np.where(scale > 0, scale, 1.0), 0.0, 1.0)
-    missed = miss >= 0 if node.function in ("<", ">") else miss > 0
-    share = np.where(missed, np.maximum(share, LEAST), 0.0)
-    return np.where(np.isnan(miss), 1.0, share)
+        share = miss / np.where(scale > 0, scale, 1.0)
+    return np.where(np.isnan(share), 1.0, share)
 
 
 def _symbols(node: Node) -> Iterator[Symbol]:

@@ -20,6 +20,7 @@ RECORDS = (
     "Robustness",
     "SearchHistory",
     "SearchResult",
+    "PolishedCandidate",
     "SearchRound",
     "Slope",
     "VariableRecord",

@@ -107,6 +107,7 @@ OK: Final = "ok"
 REFUSED: Final = "refused"
 FAILED: Final = "failed"
 NOT_A_NUMBER: Final = "not_a_number"
+POLISHED: Final = -2  # number of a trial of `search.polish`
 State = Literal["proposed", "ok", "refused", "failed", "not_a_number"]
 
 
@@ -115,7 +116,8 @@ class Trial:
     """One candidate of a search, from its proposal to its result.
 
     Attributes:
-        number: identifies it to its optimizer, from 0; −1: a recommendation, or not proposed by an optimizer.
+        number: identifies it to its optimizer, from 0; −1: a recommendation, or not proposed by an optimizer;
+            −2: of a descent (`search.polish`).
         values: one per variable; outside the optimizer also those of the `each` variables.
         context: index of its single condition; −1: all conditions.
         state: `proposed`, then `ok`; `refused` breaks a constraint of variables or is an impossible design, and was not

@@ -69,7 +69,8 @@ class FoundDesign:
         objectives: as stated (a maximised one is not negated).
         metrics: of the task; mean over conditions.
         conditions: condition → its metrics; one entry if the search has no conditions.
-        branch, context, number: its position in the history; number −1: a recommendation.
+        branch, context, number: its position in the history; number −1: a recommendation,
+            −2: of a descent.
         first: objectives during the search, if it was re-evaluated (`search.confirm`).
     """
 
@@ -155,6 +156,28 @@ class Robustness:
     nominal: FoundDesign
 
 
+@dataclass(frozen=True)
+class PolishedCandidate:
+    """A descent of `search.polish` from one of the best candidates.
+
+    Attributes:
+        branch: of the candidate.
+        before, after: objective as stated, of the candidate and of the best one on the way.
+        evaluations: candidates that were simulated; the candidate itself is not counted again.
+        steps: slopes that were found.
+        converged: whether its steps had become small.
+        obstacle: why it could not begin, as part of a sentence; "" where it could.
+    """
+
+    branch: int
+    before: float
+    after: float
+    evaluations: int
+    steps: int
+    converged: bool
+    obstacle: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class SearchRound:
     """A search whose best design violated a constraint by direct FEM or leant on extrapolation.
@@ -199,6 +222,7 @@ class SearchResult:
         limits: sentences on what limits the best design.
         refused_by_check: designs that the search ranked higher and that violate a constraint by direct FEM.
         rounds: earlier searches, the FEM of whose best designs this one used.
+        polished: descents from the best candidates, in their order.
     """
 
     optimizer: str
@@ -223,6 +247,7 @@ class SearchResult:
     files: tuple[str, ...] = field(default_factory=tuple)
     refused_by_check: tuple[FoundDesign, ...] = ()
     rounds: tuple[SearchRound, ...] = ()
+    polished: tuple[PolishedCandidate, ...] = ()
 
     @property
     def nominal_is_robust(self) -> bool:

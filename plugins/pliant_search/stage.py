@@ -29,6 +29,7 @@ from pliant_search.problem.feasibility import require_feasible, require_reachabl
 from pliant_search.problem.search_problem import SearchProblem, reevaluation_problem
 from pliant_search.records import FoundDesign, SearchResult, SearchRound
 from pliant_search.run.journal import keep_journals, take_journals
+from pliant_search.run.polishing import require_polishable
 from pliant_search.run.search import EXPORT, Search, warm_started
 from pliant_search.stage_keys import ENDS, MODULES, search_components, search_content
 from pliant_search.verify.check import checked
@@ -246,6 +247,8 @@ def _require_choosable(context: RunContext, study: Study, problem: SearchProblem
         )
     if config.confirm is not None:
         reevaluation_problem(problem)
+    if config.polish is not None:
+        require_polishable(context, problem, bool(capabilities.contexts and config.conditions))
     if config.halving is not None and len(problem.branches()) == 1:
         raise UserError(
             "search.halving chooses among the searches of 'each' variables, and this study has one search; leave it "

@@ -20,7 +20,7 @@ MODULES = (
 # Keys that do not affect the result of a search.
 APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins", "workers")
 # Keys that may be increased to continue a search.
-ENDS = ("budget", "generations", "halving", "until", "confirm", "sensitivity", "verify")
+ENDS = ("budget", "generations", "halving", "until", "polish", "confirm", "sensitivity", "verify")
 
 
 def search_content(study: Study, without: Sequence[str]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ SMALL = ("meta_model.folds=2", "search.verify.fem=false", "search.budget=8")
 FEWER = {
     "reach": SMALL,
     "sure": ("meta_model.folds=2", "search.budget=4", "search.robust.samples=2"),
+    "polished": ("meta_model.folds=2", "search.budget=12", "search.polish.steps=3"),
     "front": ("meta_model.folds=2", "search.budget=8", "optimizer.population=8"),
 }
 
@@ -31,10 +32,10 @@ def searched(workplace):
             )
 
     def inner(name):
-        ends = (f"{name}.yaml",) if name != "front" else ("search.verify=null",)
-        command = next(one for one in commands(PAGE) if one.endswith(ends))
+        ends = (f"{name}.yaml", f"--out {name}")
+        command = next(one for one in commands(PAGE) if one.endswith(ends[0]) or ends[1] in one)
         printed = run(command, *FEWER[name], "--workers", "1")
-        out = "front" if name == "front" else f"runs/{name}"
+        out = name if ends[1] in command else f"runs/{name}"
         return printed, json.loads((workplace / out / "optimize.json").read_text())
 
     return inner
@@ -70,6 +71,16 @@ def test_the_best_on_the_page_keeps_its_constraints():
 @pytest.mark.slow
 def test_a_robust_search_has_the_command_scenarios(searched):
     assert searched("sure")[1]["robustness"]["samples"] == 2
+
+
+@pytest.mark.slow
+def test_the_polished_search_is_never_worse_than_its_candidates(searched):
+    printed, told = searched("polished")
+    assert "polish   " in printed
+    assert 1 <= len(told["polished"]) <= 3
+    assert all(one["after"] <= one["before"] for one in told["polished"])
+    assert told["objective"] <= min(one["before"] for one in told["polished"])
+    assert told["best"]["metrics"]["tip_x_m"] >= 60e-3
 
 
 @pytest.mark.slow

@@ -57,6 +57,16 @@ def test_integers_are_searched_in_one_search_with_as_many_candidates() -> None:
     assert joint.violated({**values, **dict(zip(("n1", "n2", "n3", "n4"), outside, strict=True))})
 
 
+def test_the_polished_search_has_half_the_candidates_and_goes_on_with_fem() -> None:
+    _, joint = open_problem("shape_matching/integers.yaml")
+    _, polished = open_problem("shape_matching/polished.yaml")
+    assert 2 * polished.config.budget == joint.config.budget
+    assert polished.config.polish is not None
+    assert polished.config.verify.rounds == 2
+    assert polished.config.verify.change == joint.config.verify.change
+    assert [v.name for v in polished.variables] == [v.name for v in joint.variables]
+
+
 def test_the_other_reading_stays_within_its_laws_data() -> None:
     _, joint = open_problem("shape_matching/integers.yaml")
     _, other = open_problem("shape_matching/axis_along_base.yaml")

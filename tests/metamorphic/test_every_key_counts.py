@@ -80,6 +80,7 @@ NOTHING_DEPENDS = {
 # Keys that are not tested here, and where they are.
 ELSEWHERE = {
     "search.verify": "the winner's direct FEM: tests/search",
+    "search.polish": "descents from the best candidates: tests/search/test_polish.py",
     "measurements.max_samples": "more samples than any example has: tests/measurements",
     "measurements.trials": "success counts: tests/pliant_counts",
     "measurements.plausible": "success counts: tests/pliant_counts",
@@ -183,7 +184,7 @@ def test_every_fem_key_counts(name: str, context: RunContext, tmp_path: Path) ->
 def test_every_search_key_counts(name: str, context: RunContext) -> None:
     study = opened(name, context)
     assert study.search is not None
-    budget = study.search.model_copy(update={"budget": min(study.search.budget, 12)})
+    budget = study.search.model_copy(update={"budget": min(study.search.budget, 12), "polish": None})
     study = study.model_copy(update={"search": budget, "optimizer": with_short_batches(study)})
     assert unexplained(name, silent_keys(study, OF_A_SEARCH, partial(searched, context=context))) == []
 

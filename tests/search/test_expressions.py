@@ -126,6 +126,16 @@ def test_amounts_are_term_shares():
     assert float(read("x < y").amount({"x": 1.0, "y": 1.0})) > 0.0
 
 
+def test_margins_are_signed_and_negative_exactly_where_something_is_missed():
+    formula = read("x <= 2 and y >= 1 and side == 'left'", truth=True)
+    inside, outside = {"x": 1.0, "y": 3.0, "side": "left"}, {"x": 6.0, "y": 3.0, "side": "right"}
+    assert formula.margins(inside) == pytest.approx([1 / 3, 2 / 4, 0.0])
+    assert formula.margins(outside) == pytest.approx([-4 / 8, 2 / 4, -1.0])
+    assert formula.amount(inside) == 0.0
+    assert formula.amount(outside) == pytest.approx(4 / 8 + 1.0)
+    assert read("x <= y", truth=True).margins({"x": math.nan, "y": 1.0}) == [-1.0]
+
+
 def test_texts_and_whole_numbers_are_compared_by_equality():
     assert float(read("side == 'left'").amount({"side": "left"})) == 0.0
     assert float(read("side == 'left'").amount({"side": "right"})) == 1.0

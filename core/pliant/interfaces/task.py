@@ -13,6 +13,7 @@ from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.interfaces.effect import Readings
 from pliant.interfaces.simulation import SceneSimulation, Simulation
 from pliant.records.chain import ChainModel
+from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.records.scene import Scene
 
@@ -75,6 +76,17 @@ class Task(Configured[TaskConfig]):
             chain: the simulated chain.
             result: of `run`.
             reported: maps true readings to sensor values, see `Model.reported`.
+        """
+        return {}
+
+    def residuals(self, chain: ChainModel, result: TaskResult) -> Mapping[str, Array]:
+        """Return metric → numbers whose sum of squares is the metric's square; none by default.
+
+        A search whose objective is such a metric is polished as a least-squares problem.
+
+        Args:
+            chain: the simulated chain.
+            result: of `run`.
         """
         return {}
 

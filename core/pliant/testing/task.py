@@ -156,6 +156,24 @@ def measures_what_it_says(subject: Subject) -> None:
     require(not missing, f"measures() leaves out {missing}: a search would refuse to name it")
 
 
+def residuals_are_of_their_metric(subject: Subject) -> None:
+    """The squares of `residuals` add up to the square of the metric that they are of."""
+    task: Task | SceneTask = subject.build()
+    if isinstance(task, SceneTask):
+        raise CheckSkipped("a task with contact has no residuals")
+    result = _result(subject)
+    found = task.residuals(task.prepare(_chain(subject)), result)
+    if not found:
+        raise CheckSkipped("no metric is a sum of squares")
+    for name, numbers in found.items():
+        require(name in result.metrics, f"residuals() names '{name}', which is no metric")
+        norm, metric = float(np.linalg.norm(numbers)), float(result.metrics[name])
+        require(
+            np.isclose(norm, metric, rtol=1e-9, atol=1e-15),
+            f"the residuals of '{name}' have the norm {norm:.6g}, and the metric is {metric:.6g}",
+        )
+
+
 def metrics_are_finite(subject: Subject) -> None:
     """metrics are finite numbers and can be stored as JSON."""
     result = _result(subject)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Literal
@@ -116,9 +117,7 @@ class FollowShape(Task):
         result = ramp(simulation, self.config)
         frame, origin = self._frame(chain), np.asarray(chain.base_position_m, float)
         line = backbone(chain, result.final.joint_angles)
-        points = curves.resampled((line - origin) @ frame, self.config.samples)
-        roll = curves.best_roll(points, self.target) if self.config.alignment == "roll" else 0.0
-        target = curves.rolled(self.target, roll)
+        points, target, roll = self._compared(chain, line)
         world = curves.resampled(origin + target @ frame.T, curves.DRAWN)
         metrics = {
             **result.metrics,
@@ -130,6 +129,17 @@ class FollowShape(Task):
             "target_points_m": as_list(world),
         }
         return replace(result, metrics=metrics)
+
+    def residuals(self, chain: ChainModel, result: TaskResult) -> Mapping[str, Array]:
+        points, target, _ = self._compared(chain, backbone(chain, result.final.joint_angles))
+        return {"rmse_m": (points - target).ravel() / np.sqrt(self.config.samples)}
+
+    def _compared(self, chain: ChainModel, line: Array) -> tuple[Array, Array, float]:
+        """Return points (n, 3) of a centre line in the world and those of the target, both in its frame; its roll."""
+        frame, origin = self._frame(chain), np.asarray(chain.base_position_m, float)
+        points = curves.resampled((line - origin) @ frame, self.config.samples)
+        roll = curves.best_roll(points, self.target) if self.config.alignment == "roll" else 0.0
+        return points, curves.rolled(self.target, roll), roll
 
     def _frame(self, chain: ChainModel) -> Array:
         """Return the frame (3, 3) of the target."""

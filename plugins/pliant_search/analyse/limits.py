@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.formatting import quantities, quantity
 from pliant_search.analyse.sensitivity import STEP, range_position, sides
-from pliant_search.optimizer import Variable
+from pliant_search.optimizer import POLISHED, Variable
 from pliant_search.problem.names import metric_unit, objective_unit
 from pliant_search.problem.search_problem import SearchProblem
 from pliant_search.records import STATUSES, FoundDesign, SearchHistory, Slope
@@ -203,6 +203,8 @@ def unfinished(problem: SearchProblem, best: FoundDesign, history: SearchHistory
     """Return a sentence if the search of the best design was still improving when it ended."""
     if problem.reached(best.values, best.metrics):
         return ["The search ended at its goal ('until'), not where nothing better is found."]
+    if best.number == POLISHED:
+        return []
     rows = (history.branch == best.branch) & (history.context == best.context)
     objective = history.objectives[rows, 0]
     if len(objective) < 2 or not np.isfinite(objective).any():

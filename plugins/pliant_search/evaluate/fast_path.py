@@ -186,13 +186,19 @@ class FastPath:
         Raises:
             UserError: as `simulate_study`.
         """
+        return self.run(study, draw, lambda engine: engine)
+
+    def run(
+        self, study: Study, draw: LawDraw | None, engine_in_place: Callable[[PhysicsBackend], PhysicsBackend]
+    ) -> TaskResult:
+        """Return the `result` in an engine that takes the place of the study's."""
         task: Task | SceneTask = self.context.build("task", study.noisy_task())
         physics = study_physics(self.context, study)
         engine = self._engines.get(repr(physics), lambda: self.context.build("physics", physics))
         chain = self.chain(study, isinstance(task, SceneTask) or isinstance(engine, SceneBackend), draw)
         effects = [self.context.build("effect", effect) for effect in study.effects]
         check_capabilities(engine, chain, engine.config.kind)
-        return self._timed("task", lambda: run_task(engine, task, effects, chain))
+        return self._timed("task", lambda: run_task(engine_in_place(engine), task, effects, chain))
 
     def chain(self, study: Study, shapes: bool = True, draw: LawDraw | None = None) -> ChainModel:
         """Return the study's chain without its effects; without `shapes` there are no collisions."""

@@ -311,6 +311,11 @@ class SearchProblem:
         amounts = {constraint.text: float(constraint.amount(known)) for constraint in constraints}
         return {text: _finite(amount) for text, amount in amounts.items() if not amount <= 0}
 
+    def margins(self, values: Mapping[str, Value], metrics: Mapping[str, Any]) -> Array:
+        """Return how far every comparison of the constraints is from being violated: signed, of order 0…1."""
+        known = self._known(values, metrics, self.constraints)
+        return np.array([one for constraint in self.constraints for one in constraint.margins(known)], float)
+
     def require_metrics(self, metrics: Mapping[str, Any]) -> None:
         """Check that objectives, constraints and `until` name numeric metrics of a task; None: not measured.
 

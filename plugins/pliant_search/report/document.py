@@ -18,6 +18,7 @@ from pliant.report.document import Document, Warned, answers, capital
 from pliant.report.fem import LISTED
 from pliant.store.store import write_atomically, writing_in
 from pliant.units import strip_unit_suffix
+from pliant_search.optimizer import POLISHED
 from pliant_search.problem.names import acts, metric_unit, objective_unit
 from pliant_search.records import FoundDesign, SearchResult, Slope, Verification
 from pliant_search.report.folder import DrawnDesign, read_search, search_json, write_search
@@ -92,6 +93,7 @@ def search_document(
         points=(
             *limits,
             *([price(view)] if result.robustness is not None else []),
+            *([f"Polish: {polish_said(result)}."] if result.polished else []),
             *(f"Round {sentence}." for sentence in each_round(result)),
         ),
         warnings=tuple(warned(view)),
@@ -193,6 +195,22 @@ def each_round(result: SearchResult) -> Iterator[str]:
         )
 
 
+def polish_said(result: SearchResult) -> str:
+    """Return the descents from the best candidates in words: how many, at what cost, from what to what."""
+    descents, better = result.polished, max if result.maximised[0] else min
+    sides = [better(getattr(one, side) for one in descents) for side in ("before", "after")]
+    metrics = result.best[0].metrics if result.best else {}
+    unit = objective_unit(result.objectives[0], result.variables, metrics)
+    before, after = (quantity(value, unit, 4) for value in sides)
+    slopes = plural(sum(one.steps for one in descents), "slope")
+    evaluated = plural(sum(one.evaluations for one in descents), "evaluation")
+    gained = sum(one.after != one.before for one in descents)
+    return (
+        f"{plural(len(descents), 'descent')} with {slopes} and {evaluated}, {gained} of them to a better design: "
+        f"{result.objectives[0]} {before} before, {after} after"
+    )
+
+
 def broken_said(check: Verification) -> str:
     """Return the constraints that the check breaks, with its values of the metrics in them."""
     said = []
@@ -239,7 +257,8 @@ def warned(read: SearchView) -> Iterator[Warned]:
 def late(read: SearchView) -> bool:
     """Return whether the best single design came at the end of its search, which only the budget ended."""
     best, result = read.best, read.result
-    if best is None or read.shape != "one" or result.stopped != "budget" or not len(read.order()):
+    polished = best is not None and best.number == POLISHED
+    if best is None or polished or read.shape != "one" or result.stopped != "budget" or not len(read.order()):
         return False
     own = np.flatnonzero(np.asarray(result.history.branch) == best.branch)
     row = int(read.order()[0])
@@ -253,6 +272,8 @@ def lines(result: SearchResult, engine: str) -> Iterator[str]:
     if len(result.best) > MOST_DESIGNS:
         yield f"         and {len(result.best) - MOST_DESIGNS} more"
     yield _effort(result)
+    if result.polished:
+        yield f"polish   {polish_said(result)}"
     yield from (f"round    {sentence}" for sentence in each_round(result))
     for word, causes in (("refused", result.refused), ("failed", result.failed)):
         listed = list(causes.items())
@@ -299,7 +320,8 @@ def steepest(slopes: Sequence[Slope]) -> list[Slope]:
 def _design(result: SearchResult, design: FoundDesign) -> Iterator[str]:
     known = {variable.name: variable for variable in result.variables}
     where = f" for {result.conditions[design.context]}" if design.context >= 0 and result.conditions else ""
-    recommended = ", as the optimizer recommends" if design.number < 0 else ""
+    origins = {POLISHED: ", polished", -1: ", as the optimizer recommends"}
+    recommended = origins.get(design.number, "")
     yield f"best     {best_said(result, design)}{where}{recommended}"
     if design.first:
         before = best_said(result, replace(design, objectives=design.first))

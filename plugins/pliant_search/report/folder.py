@@ -58,6 +58,7 @@ def search_json(result: SearchResult, engine: str) -> dict[str, Any]:
         "verified": _verified_json(result.verification, engine),
         "refused_by_check": [_design_json(design) for design in result.refused_by_check],
         "rounds": [{**dict(vars(one)), "best": None, **_design_json(one.best)} for one in result.rounds],
+        "polished": [vars(one) for one in result.polished],
         "robustness": _robustness_json(result),
         "history": _history_json(result),
     }

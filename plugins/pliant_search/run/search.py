@@ -21,9 +21,17 @@ from pliant_search.analyse.sensitivity import slopes
 from pliant_search.evaluate.evaluator import Evaluator, evaluated, evaluator_from_study
 from pliant_search.optimizer import Space, Trial
 from pliant_search.problem.search_problem import SearchProblem
-from pliant_search.records import STATUSES, FoundDesign, Robustness, SearchResult, Slope
+from pliant_search.records import (
+    STATUSES,
+    FoundDesign,
+    PolishedCandidate,
+    Robustness,
+    SearchResult,
+    Slope,
+)
 from pliant_search.run.journal import Journal
 from pliant_search.run.loop import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch, Loop
+from pliant_search.run.polishing import Polish
 from pliant_search.run.reevaluation import reevaluated
 from pliant_search.run.results import Row, best_row, build_history, found_design, pareto_front, refusal_counts
 from pliant_search.workers import Setup, finished_trial, trial_queue
@@ -125,6 +133,8 @@ class Search:
         self.before = (*begun, *earlier)
         self.space = warm_started(self.before, problem, problem.space(self.contextual))
         self.recommendations: dict[int, list[Trial]] = {}  # also designs of the search before; by branch
+        self.polished_rows: list[Row] = []
+        self.polished: tuple[PolishedCandidate, ...] = ()
         self.exported = float("inf")
         factor = self.config.halving.factor if self.config.halving is not None else None
         of = (self.config.budget, self.config.generations)
@@ -147,8 +157,9 @@ class Search:
         with trial_queue(self.executor, setup, self.evaluator) as queue:
             wall_s = self._all_rungs(queue)
             self._try_before()
+            polish_s = self._polish(setup)
             again, more_s = self._reevaluated()
-            result = self._found(wall_s + more_s, again)
+            result = self._found(wall_s + polish_s + more_s, again)
             return self._analysed(result, setup) if result.best else result
 
     def _all_rungs(self, queue: JobQueue[Trial, Trial]) -> float:
@@ -189,10 +200,12 @@ class Search:
             branch.optimizer.export(folder)
 
     def _rows(self, recommended: bool = False) -> list[Row]:
-        """Return all trials with their branches; with `recommended` also recommendations and earlier designs."""
+        """Return all trials with their branches, those of descents last; with `recommended` also the recommendations
+        and earlier designs.
+        """
         rows = [(branch.index, row) for branch in self.branches for row in branch.trials]
         more = self.recommendations.items() if recommended else ()
-        return rows + [(branch, row) for branch, listed in more for row in listed]
+        return rows + self.polished_rows + [(branch, row) for branch, listed in more for row in listed]
 
     def _try_before(self) -> None:
         """Evaluate designs of the previous search that this one has not tried, and add them to the choice."""
@@ -205,6 +218,14 @@ class Search:
             if key(one.branch, one) not in tried:
                 told = evaluated(self.evaluator, Trial(-1, one.values, one.context))
                 self.recommendations.setdefault(one.branch, []).append(told)
+
+    def _polish(self, setup: Setup) -> float:
+        """Descend from the best candidates, if the study requests it; return the time in s."""
+        if self.config.polish is None:
+            return 0.0
+        polish = Polish(self.context, self.problem, self.executor, setup, self.folder)
+        self.polished_rows, self.polished, wall_s = polish.run(self._rows(recommended=True))
+        return wall_s
 
     def _reevaluated(self) -> tuple[list[Row], float]:
         """Return the re-evaluated best candidates and the time in s; empty if the study does not request it."""
@@ -244,6 +265,7 @@ class Search:
             failed=failed,
             stopped=self._stopped(designs),
             wall_s=wall_s,
+            polished=self.polished,
         )
 
     def _best(self, everything: Sequence[Row]) -> list[Row]:

@@ -84,6 +84,7 @@ broken(
 )
 resulting("metrics_carry_their_unit", lambda _: {"metrics": {"deflection": 12.5}})
 broken("measures_what_it_says", measures=lambda up, self: ("tip_x_m",))
+broken("residuals_are_of_their_metric", residuals=lambda up, self, *given: {"unknown_m": np.ones(2)})
 resulting("metrics_are_finite", lambda _: {"metrics": {"drop_m": float("nan")}})
 resulting("metrics_are_finite", lambda result: {"final": replace(result.final, residual=float("nan"))})
 broken(

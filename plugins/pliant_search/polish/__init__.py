@@ -1,0 +1,1 @@
+"""Polish of a search's best candidates: descents over the real variables, by slopes through the equilibrium."""
