@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pliant.diagnosis import places
 from pliant.diagnosis.evidence_table import NOTHING
 from pliant.diagnosis.excitation import explained_by
 from pliant.diagnosis.places import _explained_by_output
@@ -35,3 +36,37 @@ def test_an_effect_at_one_place_is_seen_in_its_output() -> None:
     assert alike["blurred"] > alike["friction"]  # at all places alike the rival leads
     assert _explained_by_output(search, "friction") == pytest.approx(float(residual @ residual))
     assert _explained_by_output(search, "friction") > _explained_by_output(search, "blurred")
+
+
+def test_every_kind_that_could_explain_a_quarter_of_the_best_is_tried_at_its_places(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(2)
+    residual = rng.normal(size=400)
+    strange = np.linalg.qr(np.column_stack([residual, rng.normal(size=(400, 7))]))[0][:, 1:]
+    strange *= np.linalg.norm(residual)
+    explained = dict(zip("abcdefg", (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.1), strict=True))
+    changes = {
+        kind: np.sqrt(share) * residual + np.sqrt(1.0 - share) * strange[:, k]
+        for k, (kind, share) in enumerate(explained.items())
+    }
+    search = search_of(changes, residual, np.zeros(400, int))
+    search.table, search.thresholds, search.registry, search.fitter = lambda: None, None, None, None
+    model = SimpleNamespace(places_of_kind=lambda kind: [f"{kind}@1", f"{kind}@2"])
+    asked: list[str] = []
+
+    def applicable(registry: Any, fitter: Any, kinds: list[str], executor: Any) -> tuple[list[str], None]:
+        asked.extend(kinds)
+        return [], None
+
+    monkeypatch.setattr(places, "log_evidence", lambda *_: {(kind,): ord(kind) for kind in explained})
+    monkeypatch.setattr(places, "applicable", applicable)
+    monkeypatch.setattr(places, "_most_explaining", lambda *_: [])
+    monkeypatch.setattr(places, "excitations", lambda *_: {})
+    places.kinds_at_places(search, model, None)  # type: ignore[arg-type]
+    # g, the first by evidence with f, and all others by what they explain; none of them is limited in number
+    assert asked == [f"{kind}@{place}" for kind in "gfabcde" for place in (1, 2)]
+    asked.clear()
+    monkeypatch.setattr(places, "log_evidence", lambda *_: {(kind,): -ord(kind) for kind in explained})
+    places.kinds_at_places(search, model, None)  # type: ignore[arg-type]
+    assert "g@1" not in asked  # a ninth of what the best explains

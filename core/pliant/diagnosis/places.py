@@ -27,8 +27,9 @@ from pliant.execution.executors import Executor
 from pliant.execution.jobs import JobQueue
 from pliant.interfaces.effect import AT
 
-# Kinds whose places are tried, by the evidence of all places alike and by what they could explain in each output.
-LEADING, EXPLAINING = 2, 4
+# Kinds whose places are tried: the first ones by the evidence of all places alike, and those that could explain this
+# share of what the best could, with a strength of its own for each output.
+LEADING, LEAST_BY_OUTPUT = 2, 0.25
 # How many kinds at single places are screened with slopes and fitted, and the share of the best gain that each needs.
 MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
 # The same share where the change at one strength alone is looked at.
@@ -50,7 +51,9 @@ def kinds_at_places(
         key: places for key in search.fits if len(key) == 1 and (places := model.places_of_kind(key[0]))
     }
     by_evidence = sorted(spread, key=lambda key: -evidence[key])[:LEADING]
-    by_output = sorted(spread, key=lambda key: -_explained_by_output(search, key[0]))[:EXPLAINING]
+    explained = {key: _explained_by_output(search, key[0]) for key in spread}
+    enough = LEAST_BY_OUTPUT * max(explained.values(), default=0.0)
+    by_output = [key for key in sorted(spread, key=lambda key: -explained[key]) if explained[key] >= enough]
     asked = [kind for key in dict.fromkeys((*by_evidence, *by_output)) for kind in spread[key]]
     if not asked:
         return [], {}
