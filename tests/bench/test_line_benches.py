@@ -124,8 +124,8 @@ def test_no_sample_is_wrong_silently_on_a_bad_line(serial_bench, kind):
     true = angle_of(bench.device, instants_s)
     times, values = bench.device.valve()
     valve = values[np.searchsorted(times, instants_s, side="right") - 1]
-    # So is the pressure, within 3 ms at 20 kPa/s.
-    assert np.abs(done.commands["pressure_pa"][is_read] - valve).max() < 60
+    # So is the pressure, within 6 ms at 20 kPa/s: 20 ms would be 400 Pa.
+    assert np.abs(done.commands["pressure_pa"][is_read] - valve).max() < 120
     assert np.abs(read[is_read] - true).max() < 2.5e-3
 
 

@@ -57,6 +57,11 @@ def nearest_tests(known: dict[str, Module]) -> dict[str, list[str]]:
     for component in pliant_components():
         for place in {component.config.partition(":")[0], component.implementation.partition(":")[0]}:
             users[place] |= _named_by(component, place.split(".")[1])
+    for name in known:  # a hook finds the modules of a package that nothing imports
+        package = name.partition(".")[0]
+        users[f"{package}.manifest"] |= {test for test in tests if test.startswith(f"tests.{package}.test_")}
+        if not users[name] and name != f"{package}.manifest":
+            users[name].add(f"{package}.manifest")
     return {name: _nearest(name, users) for name in known}
 
 

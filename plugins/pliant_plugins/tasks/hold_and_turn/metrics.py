@@ -72,7 +72,7 @@ def metrics(episode: Episode, config: HoldAndTurnConfig) -> dict[str, float]:
         "drift_m": drifts[-1],
         "largest_drift_m": max(drifts),
         "tilt_rad": tilt_rad(states[-1].rotations[0] @ states[0].rotations[0].T, axis),
-        "held": float(held[-1]),
+        "held": bool(held[-1]),
         "held_share": float(np.mean(held)),
         "peak_force_n": max(max(fingers_on_object(one).values(), default=0.0) for one in seen),
         "slip_m": max(_slip_m(episode, arm) for arm in arms),
