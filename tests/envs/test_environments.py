@@ -277,17 +277,17 @@ def test_fingers_turn_the_object_by_the_wanted_angle():
     env = gymnasium.make("pliant/HoldAndTurn-v0")
     inner = env.unwrapped
     fingers, inputs = len(inner.scene.arms), len(inner.inputs)
-    swing = inner._grip[0, inner.inputs.index("pressure_3_pa")] - inner._grip[0, -1]
+    swing = inner._first_shares[0, inner.inputs.index("pressure_3_pa")] - inner._first_shares[0, -1]
 
     def integral(seen):
         nonlocal swing
         left = seen[-fingers * inputs - fingers - 1]
         swing = float(np.clip(swing + 0.1 * left, -1.0, 1.0))
-        shares = np.tile(inner._grip[0], (fingers, 1))
+        shares = np.tile(inner._first_shares[0], (fingers, 1))
         shares[:, 2:] = max(swing, 0.0), max(-swing, 0.0)
         return (2 * shares.ravel() - 1).astype(np.float32)
 
-    still = (2 * inner._grip.ravel() - 1).astype(np.float32)
+    still = (2 * inner._first_shares.ravel() - 1).astype(np.float32)
     rewards = []
     for policy in (integral, lambda _: still):
         seen, _ = env.reset(seed=0, options={"turn_rad": 0.25})

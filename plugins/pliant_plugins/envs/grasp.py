@@ -8,15 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SceneBackend
 from pliant.pipeline.motion import with_surfaces
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Scene, SceneFrames
-from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
+from pliant_plugins.envs.base import OBSERVED
 from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S, points_option
+from pliant_plugins.envs.scene_env import SceneEnv
 from pliant_plugins.tasks.grasp.metrics import HELD_SHARE, Grip
-from pliant_plugins.tasks.grasp.scene import Draw, grasp_scene
 from pliant_plugins.tasks.grasp.task import Grasp
 
 FASTEST_M_S = 0.06
@@ -24,7 +23,7 @@ TOUCH_REWARD, GAP_COST, LIFT_REWARD, SLIP_COST = 0.5, 0.5, 2.0, 0.5
 LOST_M = 0.15  # sideways from the start: the object rolled away
 
 
-class GraspEnv(SoftRobotEnv):
+class GraspEnv(SceneEnv):
     """Lower the fingers over an object, actuate them, lift it.
 
     Actions: the share of each input's highest value (−1 for none), the same for all fingers, then the carriage's
@@ -51,20 +50,14 @@ class GraspEnv(SoftRobotEnv):
     default_study: ClassVar[str] = "grasp"
     default_episode_s: ClassVar[float] = 6.0
     option_names: ClassVar[tuple[str, ...]] = ("placement_m",)
+    task_class: ClassVar[type] = Grasp
 
     def _build(self) -> None:
-        task = self.task
-        if not isinstance(task, Grasp):
-            raise UserError("pliant/Grasp-v0 needs a study with 'task: {kind: grasp, ...}'.")
-        if not isinstance(self.backend, SceneBackend):
-            kind = self.backend.config.kind
-            raise UserError(f"physics '{kind}' has no contacts, which a grasp needs; use 'mujoco'.")
-        self.config = task.config
-        self.scene: Scene = grasp_scene(self.chain, task.config, task.target, Draw.none())
-        self.simulation = self.backend.build_scene(self.scene)
+        self._open_scene()
+        self.config = self.task.config
         self._rest = self.simulation.snapshot()
         self._length_m = self.chain.length_m
-        body = task.target.body
+        body = self.task.target.body
         self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
         self._offset = 0.0
         coordinates = sum(q.size for q in self._rest.coordinates)
@@ -96,17 +89,19 @@ class GraspEnv(SoftRobotEnv):
             self.simulation.step(self.control_s)
         except UserError:
             return False
+        self._see()
+        return True
+
+    def _see(self) -> None:
         self._state = self.simulation.snapshot()
         self._grip = Grip.from_contacts(self.simulation.contacts(), self.scene)
         self._lowest = min(self._lowest, self._carriage_m)
-        return True
 
     def _observed(self) -> OBSERVED:
         state, grip, lift = self._state, self._grip, self.config.lift_height_m
         middle = np.mean([arm.chain.base_position_m for arm in self.scene.arms], axis=0) + state.carriage_m
         return self._clipped(
-            *state.coordinates,
-            *(RATE_S * rates for rates in state.rates),
+            *self._joints(),
             np.array([self._carriage_m / lift, self._rise_m / lift]),
             (state.positions_m[0] - middle) / self._length_m,
             RATE_S * state.velocities[0, :3] / self._length_m,
@@ -170,15 +165,8 @@ class GraspEnv(SoftRobotEnv):
             {name: max(value + self._offset, 0.0) if value else 0.0 for name, value in full.items()}
         )
 
-    def _frame(self) -> SceneFrames:
-        return SceneFrames.from_states([self._state])
-
     def _drawn(self) -> tuple[Scene, SceneFrames]:
         looks = self._looks()
         heights = (0.0, -self.config.lower_height_m, self.config.lift_height_m)
         ends = [replace(self._rest, carriage_m=np.array([0.0, 0.0, height])) for height in heights]
         return with_surfaces(self.scene, looks), SceneFrames.from_states(ends)
-
-    def close(self) -> None:
-        super().close()
-        self.simulation.close()

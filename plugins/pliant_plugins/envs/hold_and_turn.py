@@ -6,14 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pliant.errors import UserError
-from pliant.interfaces.physics import SceneBackend
-from pliant.pipeline.motion import with_surfaces
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs
-from pliant.records.scene import Scene, SceneFrames
-from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
+from pliant_plugins.envs.base import OBSERVED
 from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S
+from pliant_plugins.envs.scene_env import SceneEnv
 from pliant_plugins.tasks.hold_and_turn.episode import take_hold
 from pliant_plugins.tasks.hold_and_turn.metrics import (
     centre_m,
@@ -28,7 +24,7 @@ WITHIN_RAD = 0.05  # of the wanted turn: success
 LOST_RADII = 2.0  # of drift: the object has left the hand
 
 
-class HoldAndTurnEnv(SoftRobotEnv):
+class HoldAndTurnEnv(SceneEnv):
     """Turn an object that the fingers hold by a wanted angle.
 
     Actions: per finger the share of each input's highest value, −1 for none.
@@ -47,59 +43,34 @@ class HoldAndTurnEnv(SoftRobotEnv):
     default_study: ClassVar[str] = "hold_and_turn"
     default_episode_s: ClassVar[float] = 3.0
     option_names: ClassVar[tuple[str, ...]] = ("turn_rad",)
+    task_class: ClassVar[type] = HoldAndTurn
     turn_scale_rad: ClassVar[float] = 0.3
 
     def _build(self) -> None:
-        task = self.task
-        if not isinstance(task, HoldAndTurn):
-            raise UserError("pliant/HoldAndTurn-v0 needs a study with 'task: {kind: hold_and_turn, ...}'.")
-        if not isinstance(self.backend, SceneBackend):
-            kind = self.backend.config.kind
-            raise UserError(f"physics '{kind}' has no contacts, which the task needs; use 'mujoco'.")
-        self.scene: Scene = task.scene(self.chain)
-        self.simulation = self.backend.build_scene(self.scene)
-        grip = task.config.actuation(self.chain)
-        take_hold(self.simulation, task.config, grip)
-        self._rest = self._state = self.simulation.snapshot()
+        self._open_scene()
+        grip, fingers = self.task.config.actuation(self.chain), len(self.scene.arms)
+        take_hold(self.simulation, self.task.config, grip)
         held = np.array([grip[name] for name in self.inputs]) / self._highest
-        self._grip = np.tile(np.clip(held, 0.0, 1.0), (len(self.scene.arms), 1))
-        self._shares = self._previous = self._grip
         body = self.scene.objects[0]
         self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
         self._turn_rad = self._wanted_rad = 0.0
         self._contacts = self._held = self.simulation.contacts()
-        coordinates = sum(q.size for q in self._rest.coordinates)
-        self._set_spaces(self._grip.size, 2 * coordinates + 12 + len(self.scene.arms) + self._grip.size)
+        shares = np.tile(np.clip(held, 0.0, 1.0), (fingers, 1))
+        self._set_rest(self._highest, further=12 + fingers, shares=shares)
 
     def _begin(self, options: dict[str, Any]) -> None:
         drawn = self.turn_scale_rad * float(self.np_random.uniform(-1.0, 1.0))
-        given = options.get("turn_rad")
-        if given is not None and not (isinstance(given, int | float) and np.isfinite(given)):
-            raise UserError(f"option 'turn_rad' is {given!r}; it needs a number of radians.")
-        self._wanted_rad = drawn if given is None else float(given)
-        self._shares = self._previous = self._grip
+        self._wanted_rad = self._number_option(options, "turn_rad", drawn, "a number of radians")
         self._turn_rad = 0.0
-        self.simulation.restore(self._rest)
-        self._command()
+        self._restart()
         self._state, self._contacts = self._rest, self._held
 
-    def _advance(self, action: Array) -> bool:
-        self._previous, self._shares = self._shares, 0.5 * (action.reshape(self._grip.shape) + 1.0)
-        self._command()
-        try:
-            self.simulation.step(self.control_s)
-        except UserError:
-            return False
+    def _see(self) -> None:
         before, self._state = self._state, self.simulation.snapshot()
         rotations = np.array([state.rotations[0] for state in (self._rest, before, self._state)])
         turns = turns_rad(rotations, unit_axis(self.task.config))
         self._turn_rad += float(turns[2] - turns[1])
         self._contacts = self.simulation.contacts()
-        return True
-
-    def _command(self) -> None:
-        values = (self._shares * self._highest).tolist()
-        self.simulation.apply([Inputs(dict(zip(self.inputs, row, strict=True))) for row in values])
 
     @property
     def _drift(self) -> Array:
@@ -110,8 +81,7 @@ class HoldAndTurnEnv(SoftRobotEnv):
         radius, forces = self.task.target.radius_m, fingers_on_object(self._contacts)
         velocity = RATE_S * self._state.velocities[0]
         return self._clipped(
-            *self._state.coordinates,
-            *(RATE_S * rates for rates in self._state.rates),
+            *self._joints(),
             self._drift / radius,
             velocity[:3] / radius,
             velocity[3:],
@@ -121,11 +91,10 @@ class HoldAndTurnEnv(SoftRobotEnv):
         )
 
     def _reward(self, action: Array) -> float:
-        change = float(np.mean((self._shares - self._previous) ** 2))
         away = abs(self._turn_rad - self._wanted_rad) / self.turn_scale_rad
         drift = float(np.linalg.norm(self._drift)) / self.task.target.radius_m
         left = float(self.steps - self._taken) if self._done() else 0.0
-        return -away - drift - CHANGE_COST * change - left
+        return -away - drift - CHANGE_COST * self._change() - left
 
     def _done(self) -> bool:
         return bool(np.linalg.norm(self._drift) > LOST_RADII * self.task.target.radius_m)
@@ -140,13 +109,3 @@ class HoldAndTurnEnv(SoftRobotEnv):
             "held": held,
             "is_success": bool(held and abs(self._turn_rad - self._wanted_rad) < WITHIN_RAD),
         }
-
-    def _frame(self) -> SceneFrames:
-        return SceneFrames.from_states([self._state])
-
-    def _drawn(self) -> tuple[Scene, SceneFrames]:
-        return with_surfaces(self.scene, self._looks()), SceneFrames.from_states([self._rest, self._state])
-
-    def close(self) -> None:
-        super().close()
-        self.simulation.close()

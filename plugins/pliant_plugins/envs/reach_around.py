@@ -6,22 +6,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pliant.errors import UserError
-from pliant.interfaces.physics import SceneBackend
 from pliant.inverse.limits import input_bounds
-from pliant.pipeline.motion import with_surfaces
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs
-from pliant.records.scene import Scene, SceneFrames
-from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
-from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S, REACHED, points_option
+from pliant_plugins.envs.base import OBSERVED
+from pliant_plugins.envs.chain_env import CHANGE_COST, REACHED, points_option
+from pliant_plugins.envs.scene_env import SceneEnv
 from pliant_plugins.tasks.reach_around.task import ReachAround
 from pliant_plugins.tasks.scene_record import pressing_n
 
 PRESS_COST, WEIGHT_N_KG = 0.1, 9.81
 
 
-class ReachAroundEnv(SoftRobotEnv):
+class ReachAroundEnv(SceneEnv):
     """Bring the tips of one or several arms to their targets behind obstacles.
 
     Actions: per arm the share of each input's highest value (−1 for none); the highest is that of the task's bounds.
@@ -40,66 +36,39 @@ class ReachAroundEnv(SoftRobotEnv):
     default_study: ClassVar[str] = "reach_around"
     default_episode_s: ClassVar[float] = 4.0
     option_names: ClassVar[tuple[str, ...]] = ("shift_m",)
+    task_class: ClassVar[type] = ReachAround
     spread_m: ClassVar[float] = 3e-3
 
     def _build(self) -> None:
-        task = self.task
-        if not isinstance(task, ReachAround):
-            raise UserError("pliant/ReachAround-v0 needs a study with 'task: {kind: reach_around, ...}'.")
-        if not isinstance(self.backend, SceneBackend):
-            kind = self.backend.config.kind
-            raise UserError(f"physics '{kind}' has no motion in contact, which the task needs; use 'mujoco'.")
-        self.scene: Scene = task.scene(self.chain)
-        self.simulation = self.backend.build_scene(self.scene)
-        self._rest = self._state = self.simulation.snapshot()
-        self._arms = len(self.scene.arms)
-        self._tops = np.tile(input_bounds(self.chain, task.config.bounds)[:, 1], (self._arms, 1))
-        self._shares = self._previous = np.zeros_like(self._tops)
+        self._open_scene()
+        config = self.task.config
         chains = [arm.chain for arm in self.scene.arms]
         bodies = [body for chain in chains for body in chain.bodies[1:]]
         carried_kg = sum(body.mass_kg for body in bodies) + sum(chain.payload_kg for chain in chains)
         self._weight_n = max(carried_kg, 1e-6) * WEIGHT_N_KG
         self._bases = np.array([chain.base_position_m for chain in chains])
-        self._targets = self._stated = np.array([one.tip_m for one in task.config.arms])
+        self._targets = self._stated = np.array([one.tip_m for one in config.arms])
         self._press_n, self._tips = 0.0, self._bases
-        size = sum(2 * q.size for q in self._rest.coordinates) + 6 * self._arms + 1 + self._tops.size
-        self._set_spaces(self._tops.size, size)
+        self._set_rest(input_bounds(self.chain, config.bounds)[:, 1], further=6 * len(chains) + 1)
 
     def _begin(self, options: dict[str, Any]) -> None:
         plane = self.chain.base_rotation[:, [0, 2]]
         drawn = plane @ self.np_random.uniform(-self.spread_m, self.spread_m, 2)
         given = points_option(options, "shift_m")
         self._targets = self._stated + (drawn if given is None else given)
-        self._shares = self._previous = np.zeros_like(self._tops)
-        self.simulation.restore(self._rest)
-        self._command()
+        self._restart()
         self._see()
-
-    def _advance(self, action: Array) -> bool:
-        self._previous, self._shares = self._shares, 0.5 * (action.reshape(self._tops.shape) + 1.0)
-        self._command()
-        try:
-            self.simulation.step(self.control_s)
-        except UserError:
-            return False
-        self._see()
-        return True
-
-    def _command(self) -> None:
-        values = (self._shares * self._tops).tolist()
-        self.simulation.apply([Inputs(dict(zip(self.inputs, row, strict=True))) for row in values])
 
     def _see(self) -> None:
         self._state = self.simulation.snapshot()
         self._press_n = pressing_n(self.simulation.contacts())
-        self._markers = [self.simulation.markers(k) for k in range(self._arms)]
+        self._markers = [self.simulation.markers(k) for k in range(len(self.scene.arms))]
         self._tips = np.array([markers[-1] for markers in self._markers])
 
     def _observed(self) -> OBSERVED:
         length = self.chain.length_m
         return self._clipped(
-            *self._state.coordinates,
-            *(RATE_S * rates for rates in self._state.rates),
+            *self._joints(),
             (self._tips - self._bases) / length,
             (self._targets - self._bases) / length,
             np.array([self._press_n / self._weight_n]),
@@ -110,9 +79,8 @@ class ReachAroundEnv(SoftRobotEnv):
         return float(np.linalg.norm(self._tips - self._targets, axis=1).max())
 
     def _reward(self, action: Array) -> float:
-        change = float(np.mean((self._shares - self._previous) ** 2))
         pressed = min(self._press_n / self._weight_n, 1.0)
-        return -self._distance_m() / self.chain.length_m - PRESS_COST * pressed - CHANGE_COST * change
+        return -self._distance_m() / self.chain.length_m - PRESS_COST * pressed - CHANGE_COST * self._change()
 
     def _metrics(self) -> dict[str, Any]:
         keeps = [self.task.clearance(arm.chain) for arm in self.scene.arms]
@@ -125,13 +93,3 @@ class ReachAroundEnv(SoftRobotEnv):
             "target_m": self._targets.copy(),
             "is_success": bool(distance < REACHED * self.chain.length_m),
         }
-
-    def _frame(self) -> SceneFrames:
-        return SceneFrames.from_states([self._state])
-
-    def _drawn(self) -> tuple[Scene, SceneFrames]:
-        return with_surfaces(self.scene, self._looks()), SceneFrames.from_states([self._rest, self._state])
-
-    def close(self) -> None:
-        super().close()
-        self.simulation.close()
