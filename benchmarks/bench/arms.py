@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +10,15 @@ from benchmarks.bench.bed_bench import BedBench, protocol_from_bed
 from benchmarks.evidence.protocols import protocol
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.records.measurement import Measurement
-from pliant_bench.bench import BenchProtocol, BenchRecording
+from pliant_bench.bench import BenchProtocol
 from pliant_bench.choose import Choice
 from pliant_bench.config import ExperimentConfig
-from pliant_bench.loop.experiment import Planner
+from pliant_bench.loop.experiment import Planner, Situation
 from pliant_bench.loop.planner import first_repeat
 from pliant_bench.protocol_space import ProtocolSpace, changed
 
 ARMS = ("chosen", "random", "rich")
-# Share of random runs for which one condition is set anew: as many as of the rich protocol's runs.
+# Share of random runs for which one condition changes: as many as of the rich protocol's runs.
 ANOTHER_SETTING = 0.25
 
 
@@ -40,26 +39,19 @@ class UntilRight:
         """Return a repeat of the first condition."""
         return self.planner.repeat(number)
 
-    def next(
-        self,
-        data: Measurement,
-        diagnosis: Diagnosis,
-        done: Sequence[BenchRecording],
-        minutes_left: float,
-        met: Collection[str] | None = None,
-    ) -> Choice:
+    def next(self, now: Situation) -> Choice:
         """Return the planner's next run, or none."""
-        if met is not None:  # a verdict holds
+        if now.met is not None:  # a verdict is stable
             return Choice(None, "expose", "")
-        self.held = self.held + 1 if self.is_right(diagnosis) else 0
+        self.held = self.held + 1 if self.is_right(now.diagnosis) else 0
         if self.held >= self.rounds:
             return Choice(None, "expose", "The verdict is right.")
-        return self.planner.next(data, diagnosis, done, minutes_left)
+        return self.planner.next(now)
 
 
 @dataclass(frozen=True)
 class RandomRuns:
-    """Random runs of the space; now and then one condition is set anew."""
+    """Random runs of the space; now and then one condition changes."""
 
     settings: ExperimentConfig
     bench: BedBench
@@ -68,18 +60,11 @@ class RandomRuns:
         """Return a repeat of the first condition, as for chosen runs."""
         return first_repeat(self.settings, self.bench)
 
-    def next(
-        self,
-        data: Measurement,
-        diagnosis: Diagnosis,
-        done: Sequence[BenchRecording],
-        minutes_left: float,
-        met: Collection[str] | None = None,
-    ) -> Choice:
+    def next(self, now: Situation) -> Choice:
         """Return a random run."""
         space = ProtocolSpace.from_settings(self.settings, self.bench.inputs)
-        rng = np.random.default_rng([self.bench.seed, len(done)])
-        standing = {name: done[-1].protocol.conditions[name] for name in self.settings.manual}
+        rng = np.random.default_rng([self.bench.seed, len(now.recordings)])
+        standing = {name: now.recordings[-1].protocol.conditions[name] for name in self.settings.manual}
         near = [one for one in space.settings if changed(one, standing) == 1]
         another = rng.uniform() < ANOTHER_SETTING and bool(near)
         setting = near[int(rng.integers(len(near)))] if another else standing
@@ -98,15 +83,9 @@ class RichRuns:
         """Return the run of this number."""
         return self._run(number, {})
 
-    def next(
-        self,
-        data: Measurement,
-        diagnosis: Diagnosis,
-        done: Sequence[BenchRecording],
-        minutes_left: float,
-        met: Collection[str] | None = None,
-    ) -> Choice:
+    def next(self, now: Situation) -> Choice:
         """Return the next run; none after the last."""
+        done = now.recordings
         if len(done) == len(protocol("rich", self.bench.robot)):
             return Choice(None, "expose", "The rich protocol is done.")
         return self._run(len(done) + 1, dict(done[-1].protocol.conditions))

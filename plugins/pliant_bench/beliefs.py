@@ -62,7 +62,7 @@ def question(diagnosis: Diagnosis, registry: Registry, met: Collection[str] = ()
 
 
 def is_poor(diagnosis: Diagnosis) -> bool:
-    """Return whether the model predicts so poorly that what it expects of other runs is worth little."""
+    """Return whether the model predicts too poorly for its expectations of other runs to be reliable."""
     if diagnosis.verdict in ("unknown_effect", "law_off"):
         return True
     ratio = diagnosis.left_out_ratio(diagnosis.explained)

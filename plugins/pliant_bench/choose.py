@@ -83,7 +83,7 @@ def choose_next(
         minutes_left: remaining bench time.
         effort: how many runs are predicted.
         coverage: ends of ranges that no run has reached.
-        met: of a verdict that holds, the further effects that runs since then would have shown; only a run that shows
+        met: of a stable verdict, the further effects that runs since then would have shown; only a run that shows
             another one, or that adds to the coverage, is then returned.
     """
     space = ProtocolSpace.from_settings(settings, channels)

@@ -1,6 +1,6 @@
 """Coverage of the allowed range of every input by the runs so far.
 
-What a model expects of a run is worth little where no run has been if the model is wrong. So a verdict holds only if
+The predictions of a wrong model are unreliable where no run has been. A verdict therefore ends an experiment only if
 the runs went to both ends of the range of every input, by 90 % of the way from its rest.
 """
 

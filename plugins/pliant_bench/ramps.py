@@ -23,7 +23,7 @@ LONGEST_RAMP_S = 3600.0
 def follow(raw: Array, start: float, period_s: float, limits: ChannelLimits) -> Array:
     """Return (t,) a path from `start`, at rest, that follows a raw path within the limits, sampled every `period_s`.
 
-    With a dwell the path takes one level of the raw path at a time, and holds each.
+    With a dwell the path takes one level of the raw path at a time, and stays at each.
     """
     targets = np.clip(np.asarray(raw, float), limits.low, limits.high)
     path = np.empty(len(targets))

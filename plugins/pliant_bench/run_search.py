@@ -240,7 +240,7 @@ class RunSearch:
         return f"{untried} {sentence}".strip()
 
     def _exposed(self, candidate: _Candidate, asked: Question) -> tuple[str, ...]:
-        """Return the further effects that the run is expected to show, each beside the explanation alone."""
+        """Return the further effects that the run is expected to show, each added to the explanation."""
         if asked.purpose != "expose":
             return ()
         view, base = self._view([candidate], 0.0), self.diagnosis.explained

@@ -22,9 +22,9 @@ class Expectation:
 
     Attributes:
         mean, sd: mean and standard deviation, by which a missed prediction is judged.
-        before: readings of the study's model as it is.
+        before: readings of the study's own model.
         band: standard deviation by the noise and by the explanations that are left; empty before the first diagnosis.
-        explanation: name of the model of `mean`; empty if it is the study's model as it is.
+        explanation: name of the model of `mean`; empty if it is the study's own model.
     """
 
     mean: Mapping[str, Array]

@@ -12,6 +12,7 @@ from benchmarks.evidence.sets import SetSpec, make_set
 
 from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.limits import check_protocol
+from pliant_bench.loop.experiment import Situation
 from pliant_bench.loop.planner import first_repeat
 
 
@@ -34,6 +35,11 @@ def test_sixty_truths_of_all_groups_and_the_first_ones_of_each() -> None:
     assert not {task.public_id for task in judged} & {task.public_id for task in tasks}
 
 
+def situation(recordings: list[BenchRecording]) -> Situation:
+    """Return a situation for planners that look at the recordings alone."""
+    return Situation(None, None, recordings, np.inf)  # type: ignore[arg-type]
+
+
 def recorded(protocol: BenchProtocol) -> BenchRecording:
     """Return a complete recording without outputs."""
     clock = protocol.time_s
@@ -51,7 +57,7 @@ def test_the_planners_that_are_compared_keep_the_same_limits_and_count_visits(ro
     visits = 0
     done = [recorded(first)]
     for _ in range(20):
-        choice = random.next(None, None, done, np.inf)  # type: ignore[arg-type] - it does not look
+        choice = random.next(situation(done))
         assert choice.protocol is not None
         check_protocol(choice.protocol, bench.inputs)
         visits += choice.minutes > 2.0 + choice.protocol.duration_s / 60.0
@@ -59,6 +65,6 @@ def test_the_planners_that_are_compared_keep_the_same_limits_and_count_visits(ro
     assert 0 < visits < 12
     rich = RichRuns(settings, bench)
     runs = [recorded(one) for one in rich_protocols(bench)]
-    again = [rich.repeat(1), *(rich.next(None, None, runs[:k], np.inf) for k in range(1, len(runs)))]  # type: ignore[arg-type]
+    again = [rich.repeat(1), *(rich.next(situation(runs[:k])) for k in range(1, len(runs)))]
     assert sum(one.minutes for one in again) == pytest.approx(rich_minutes(bench, settings))
-    assert rich.next(None, None, runs, np.inf).protocol is None  # type: ignore[arg-type]
+    assert rich.next(situation(runs)).protocol is None

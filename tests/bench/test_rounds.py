@@ -18,7 +18,7 @@ from pliant_bench.bench import BenchSample, ConnectionLostError
 from pliant_bench.choose import Choice, SearchEffort
 from pliant_bench.loop.compared import fall_of_error, read_bands
 from pliant_bench.loop.decision import Ended
-from pliant_bench.loop.experiment import Experiment
+from pliant_bench.loop.experiment import Experiment, Situation
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, read_columns
 from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
@@ -124,10 +124,10 @@ def test_a_verdict_that_holds_meets_the_runs_that_could_contradict_it(
     class Doubting(TellingPlanner):
         """A planner that has one further run for a verdict that holds."""
 
-        def next(self, *given: Any) -> Choice:
-            met = given[4]
+        def next(self, now: Situation) -> Choice:
+            met = now.met
             if met is None:
-                return super().next(*given)
+                return super().next(now)
             asked.append(met)
             if "sensor_scale" in met:
                 return Choice(None, "expose", "Nothing is left.")

@@ -108,7 +108,7 @@ class LineBench(SampledBench):
             raise
 
     def reconnect(self) -> bool:
-        """Connect again, as often and with the wait that the config states; the microcontroller vents by itself.
+        """Connect again, as often and with the wait that the config states; the microcontroller vents meanwhile.
 
         Raises:
             UserError: a bench with other channels answers.

@@ -30,7 +30,7 @@ class ModelBand:
 
 
 def explanation_name(kinds: Sequence[str]) -> str:
-    """Return the name of a model with these effects, for a legend; empty for the study's model as it is."""
+    """Return the name of a model with these effects, for a legend; empty for the study's own model."""
     return f"with {' + '.join(kinds)}" if kinds else ""
 
 

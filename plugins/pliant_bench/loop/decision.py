@@ -1,4 +1,4 @@
-"""The end of an experiment: when a verdict holds, when no allowed run decides, when the budget is spent."""
+"""The end of an experiment: a stable verdict, no allowed run that decides, or a spent budget."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def verdict_holds(verdicts: Sequence[Mapping[str, Any]], settings: ExperimentCon
 
 
 def verdict_ends(verdicts: Sequence[Mapping[str, Any]], why: str) -> Ended:
-    """Return the end with a verdict that holds; `why` says what no further run would show."""
+    """Return the end with a stable verdict; `why` says what no further run would show."""
     return Ended(
         "verdict", f"The verdict has held for {plural(rounds_held(verdicts), 'round')}. {why}".strip()
     )
 
 
 def budget_spent(runs: int, minutes: float, settings: ExperimentConfig, holds: bool = False) -> Ended | None:
-    """Return the end if no further run is in the budget; `holds` if a verdict does and has further runs to meet."""
+    """Return the end if no further run is in the budget; `holds`: a verdict is stable and has further runs to meet."""
     more = " The verdict has held, and has not met every run that could contradict it." if holds else ""
     if runs >= settings.runs:
         return Ended("budget", f"The budget of {plural(settings.runs, 'run')} is spent.{more}")

@@ -20,6 +20,7 @@ from pliant_bench.choose import Choice
 from pliant_bench.limits import check_protocol
 from pliant_bench.loop.decision import rounds_held, verdict_holds
 from pliant_bench.loop.expectation import expect, expect_without_data
+from pliant_bench.loop.experiment import Situation
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import words
 from pliant_bench.loop.planner import TellingPlanner
@@ -105,7 +106,7 @@ def _next(
     verdicts = [one for folder in rounds if (one := folder.read("verdict")) is not None]
     holds = verdict_holds(verdicts, planner.settings)
     met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
-    choice = planner.next(data, diagnosis, done, np.inf, met)
+    choice = planner.next(Situation(data, diagnosis, done, np.inf, met))
     if choice.protocol is None:
         return choice, Expectation({}, {})
     return choice, expect(opened, data, diagnosis, history(choice.protocol))

@@ -21,6 +21,25 @@ from pliant_bench.loop.view import View
 from pliant_bench.watchdog import Expectation, Watchdog, WatchdogConfig
 
 
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What a planner chooses the next run from.
+
+    Attributes:
+        data: all readings so far.
+        diagnosis: of these.
+        recordings: of all runs.
+        minutes_left: of the budget.
+        met: once a verdict is stable, the further effects that runs since then would have shown; None before.
+    """
+
+    data: Measurement
+    diagnosis: Diagnosis
+    recordings: Sequence[BenchRecording]
+    minutes_left: float
+    met: Collection[str] | None = None
+
+
 class Planner(Protocol):
     """Who chooses the runs."""
 
@@ -28,18 +47,10 @@ class Planner(Protocol):
         """Return a repeat of the first condition; `number` from 1."""
         ...
 
-    def next(
-        self,
-        data: Measurement,
-        diagnosis: Diagnosis,
-        done: Sequence[BenchRecording],
-        minutes_left: float,
-        met: Collection[str] | None = None,
-    ) -> Choice:
+    def next(self, now: Situation) -> Choice:
         """Return the run with the most expected information per minute; without a protocol where none helps.
 
-        `met` is given once a verdict holds: the effects that runs since then would have shown. The run returned is
-        then one that the verdict has still to meet.
+        A verdict that is stable gets a run that could contradict it.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Progress of diagnoses and of an improvement: fits that are done, and the time that is left at least."""
+"""Progress of diagnoses and of an improvement: completed fits, and a lower bound of the remaining time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class FitProgress:
     """A count of fits, one diagnosis after the other.
 
     How many diagnoses an improvement needs, and how many fits a diagnosis, is known only in the end: the number is that
-    of the diagnosis before, and the time that is left is a least one.
+    of the diagnosis before, and the remaining time is a lower bound.
 
     Attributes:
         doing: what the fits are for.

@@ -5,13 +5,13 @@
     experiment.json           study, bench and settings that began it
     run_01/plan.json          what is asked for, and why
     run_01/protocol.csv       the commands, one row per instant
-    run_01/expected.csv       expected readings, of the explanation so far and of the study's model as it is
+    run_01/expected.csv       expected readings, of the explanation so far and of the study's own model
     run_01/samples.csv        what the bench did and read, one row per sample, written as it comes in
     run_01/recording_01.csv   the samples as a measurement file
     run_01/recording.json     how the run ended; present once the recording is complete
     run_01/verdict.json       the diagnosis after this run
     run_01/compared.csv       the run with and without the explanation of the last diagnosis
-    run_01/end.json           why a verdict that holds has no further run to meet
+    run_01/end.json           why a stable verdict has no further run to meet
     status.json               what is being done now, for a live view
     stop                      present while somebody asks for a stop (the red button)
 """

@@ -26,11 +26,11 @@ BESIDE = "; not named by the experiment's verdict"
 
 @dataclass(frozen=True)
 class AddedBlock:
-    """A block of effects that the improved study has beside those of the study.
+    """A block of effects that `improve` added to the study.
 
     Attributes:
         name: its effects, or what it corrects.
-        in_verdict: whether the verdict names it, or a class that it stands for.
+        in_verdict: whether the verdict names it, or a class that it represents.
         why: the reason for it, in sentences.
     """
 
@@ -57,7 +57,7 @@ class ImprovedStudy:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Return what the improved study holds beside the verdict, and what of the verdict it does not hold."""
+        """Return what the improved study contains in addition to the verdict, and what it lacks of it."""
         if self.path is None:
             return (f"No improved study was written. {self.stopped}".strip(),)
         by_verdict = [one.name for one in self.added if one.in_verdict]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from pliant import api
-from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.pipeline.study import build_study_chain
-from pliant.records.measurement import Measurement
-from pliant_bench.bench import Bench, BenchRecording
+from pliant_bench.bench import Bench
 from pliant_bench.choose import Choice, SearchEffort, choose_next, first_runs
 from pliant_bench.config import ExperimentConfig
 from pliant_bench.coverage import Coverage
+from pliant_bench.loop.experiment import Situation
 from pliant_bench.performed import performed
 from pliant_bench.protocol_space import ProtocolSpace
 
@@ -38,28 +36,21 @@ class TellingPlanner:
         """Return a repeat of the first condition."""
         return first_repeat(self.settings, self.bench)
 
-    def next(
-        self,
-        data: Measurement,
-        diagnosis: Diagnosis,
-        done: Sequence[BenchRecording],
-        minutes_left: float,
-        met: Collection[str] | None = None,
-    ) -> Choice:
-        """Return the most telling run, or that which a verdict has still to meet."""
+    def next(self, now: Situation) -> Choice:
+        """Return the most informative run; for a stable verdict one that could contradict it."""
         axes = ProtocolSpace.from_settings(self.settings, self.bench.inputs).axes
         envelopes = {name: one.limits(name) for name, one in self.settings.outputs.items()}
         return choose_next(
             self.opened,
-            data,
-            diagnosis,
+            now.data,
+            now.diagnosis,
             self.settings,
-            [performed(one) for one in done],
+            [performed(one) for one in now.recordings],
             channels=self.bench.inputs,
-            minutes_left=minutes_left,
+            minutes_left=now.minutes_left,
             effort=self.effort,
-            coverage=Coverage.from_recordings(axes, done, envelopes),
-            met=met,
+            coverage=Coverage.from_recordings(axes, now.recordings, envelopes),
+            met=now.met,
         )
 
 

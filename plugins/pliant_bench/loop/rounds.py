@@ -27,7 +27,7 @@ from pliant_bench.loop.decision import (
     verdict_holds,
 )
 from pliant_bench.loop.expectation import expect, expect_without_data
-from pliant_bench.loop.experiment import Experiment
+from pliant_bench.loop.experiment import Experiment, Situation
 from pliant_bench.loop.fit_progress import DIAGNOSING
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder
 from pliant_bench.loop.information import obtained_nats
@@ -90,7 +90,7 @@ def run_rounds(experiment: Experiment) -> Ended:
         left = experiment.settings.minutes - spent
         met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
         experiment.folder.write_status(doing="planning", run=last.number, since=time.time())
-        choice = experiment.planner.next(_measurement(experiment), latest[1], done, left, met)
+        choice = experiment.planner.next(Situation(_measurement(experiment), latest[1], done, left, met))
         if holds and choice.protocol is None:
             last.write("end", {"why": choice.why})
             continue
@@ -100,7 +100,7 @@ def run_rounds(experiment: Experiment) -> Ended:
 
 
 def exposed_since(rounds: Sequence[RoundFolder], held: int) -> frozenset[str]:
-    """Return the effects that `ENOUGH_RUNS` complete runs would have shown beside a verdict since it was reached."""
+    """Return the further effects that `ENOUGH_RUNS` complete runs would have shown since a verdict was reached."""
     judged = [one for one in rounds if one.read("verdict") is not None]
     since = [one for one in judged[len(judged) - held + 1 :] if _is_complete(one)]
     shown = Counter(kind for one in since for kind in (one.read("plan") or {}).get("exposes", ()))

@@ -73,7 +73,7 @@ class TerminalView(View):
         self._session.say("  connecting again …")
 
     def fitting(self, progress: FitProgress) -> None:
-        """Rewrite the live line; where there is none, print a line of an improvement now and then."""
+        """Rewrite the live line; without one, print the progress of an improvement at intervals."""
         now = time.monotonic()
         if self._live and now - self._shown_s >= EVERY_S:
             self._shown_s = now
