@@ -149,7 +149,7 @@ def searched(asked: Asked, opened: api.OpenStudy, workers: int | None) -> tuple[
         "command": "optimize",
         "study": opened.study.name,
         "words": asked.words,
-        **search_json(result, engine),
+        **_published(search_json(result, engine)),
         "engine": engine,
         "history": history_rows(result),
         "machine": here,
@@ -162,6 +162,12 @@ def searched(asked: Asked, opened: api.OpenStudy, workers: int | None) -> tuple[
         "from_store": made.cached,
     }
     return plain(found), result
+
+
+def _published(found: dict[str, Any]) -> dict[str, Any]:
+    """Return the result without the places of files in the store."""
+    rounds = [{name: value for name, value in one.items() if name != "table"} for one in found["rounds"]]
+    return {**found, "rounds": rounds}
 
 
 def kernel_s() -> float:
