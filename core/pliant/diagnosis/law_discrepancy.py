@@ -185,10 +185,11 @@ class LawReference:
         """Return W of these sensitivities at that precision."""
         return Whitener.from_sensitivities(self.columns, self.precision)
 
-    def usual_price(self, n_effective: float) -> float:
-        """Return the log-odds penalty that an error of the median size is expected to have."""
-        ratio = np.sum(self.columns**2, axis=0) / self.precision_at(self.prior.median, n_effective)
-        return float(0.5 * np.sum(np.log1p(ratio) + ratio / (1.0 + ratio)))
+    def largest_price(self, n_effective: float) -> float:
+        """Return the expected log-odds penalty of an error of the largest size that the prior admits."""
+        ratio = np.sum(self.columns**2, axis=0) / self.precision_at(self.prior.most, n_effective)
+        logs = self.prior.log_weights
+        return float(0.5 * np.sum(np.log1p(ratio) + ratio / (1.0 + ratio)) + logs.max() - logs[-1])
 
     def precision_at(self, size: float, n_effective: float) -> float:
         """Return the precision of each coefficient at a size, for readings as noisy as their floors."""

@@ -167,8 +167,8 @@ class HypothesisSearch:
         shares = tuple((count[count > 0] / len(self.readings)).tolist())
         noise = self.noise(self.fits[best.kinds])
         law = self.fitter.law
-        usual = 0.0 if law is None else law.usual_price(noise.n_effective)
-        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, law is not None, usual)
+        largest = 0.0 if law is None else law.largest_price(noise.n_effective)
+        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, law is not None, largest)
 
     def noise(self, fit: EffectFit) -> NoiseView:
         """Return noise from the residuals of a fit; the last one is cached, because the best fit is often the same."""
