@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,16 +14,17 @@ from tests.bench.joint_study import write_study
 from tests.bench.plain_bench import PlainBench
 
 from pliant import api
-from pliant_bench.bench import BenchSample, ConnectionLostError
+from pliant_bench.bench import BenchRecording, BenchSample, ConnectionLostError
 from pliant_bench.choose import Choice, SearchEffort
+from pliant_bench.config import ExperimentConfig
 from pliant_bench.loop.compared import fall_of_error, read_bands
 from pliant_bench.loop.decision import Ended
 from pliant_bench.loop.experiment import Experiment, Situation
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, read_columns
 from pliant_bench.loop.person import Nobody
-from pliant_bench.loop.planner import TellingPlanner, model_inputs
+from pliant_bench.loop.planner import CONTROL, TellingPlanner, model_inputs
 from pliant_bench.loop.report_charts import runs_chart
-from pliant_bench.loop.rounds import run_rounds
+from pliant_bench.loop.rounds import run_rounds, situation
 from pliant_bench.loop.view import View
 
 BENCH = """\
@@ -114,6 +115,40 @@ def test_a_verdict_ends_only_after_the_whole_range(whole: tuple[Path, Any, Exper
     *earlier, last = folder.rounds()
     assert (last.read("end") or {})["why"] in end.sentence
     assert all(one.read("end") is None for one in earlier)
+
+
+def test_the_last_run_is_a_control(whole: tuple[Path, Any, ExperimentFolder, int]) -> None:
+    """The first condition is repeated before the end, after the verdict was reached."""
+    rounds = whole[2].rounds()
+    first, last = (one.read_protocol().commands["pressure_pa"] for one in (rounds[0], rounds[-1]))
+    np.testing.assert_array_equal(first, last)
+    plan = rounds[-1].read("plan") or {}
+    assert (plan["kind"], plan["purpose"], plan["why"]) == ("chosen", "repeat", CONTROL)
+    settings = ExperimentConfig(inputs={"pressure_pa": {"high": 15e3}})
+
+    def controlled(count: int, last_verdict: str = "missing_effect") -> bool:
+        some = [cast(RoundFolder, Judged(one, one.read("verdict"))) for one in rounds[:count]]
+        if last_verdict != "missing_effect":
+            some[-1] = cast(RoundFolder, Judged(rounds[count - 1], {"verdict": last_verdict}))
+        now = situation(some, settings, cast(Any, None), cast(Any, None), 1.0)
+        return now.controlled
+
+    assert not controlled(len(rounds) - 1) and controlled(len(rounds))
+    assert not controlled(len(rounds), "unknown_effect")  # the control changed the verdict: the next one needs its own
+
+
+@dataclass
+class Judged:
+    """A run's folder with a verdict of the test's."""
+
+    folder: RoundFolder
+    verdict: Mapping[str, Any] | None
+
+    def read(self, name: str) -> Mapping[str, Any] | None:
+        return self.verdict if name == "verdict" else self.folder.read(name)
+
+    def read_recording(self) -> BenchRecording:
+        return self.folder.read_recording()
 
 
 def test_a_verdict_that_holds_meets_the_runs_that_could_contradict_it(

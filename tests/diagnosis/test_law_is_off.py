@@ -15,6 +15,7 @@ from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.evidence_table import LAW, NOTHING
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve
+from pliant.diagnosis.law_discrepancy import LawErrorBasis, LawReference
 from pliant.diagnosis.law_posterior import USUAL, LawErrorPrior, Whitener, coefficient_precision, estimate
 from pliant.evidence.prediction import Predictor
 from pliant.records.term import LawTerm
@@ -28,7 +29,7 @@ def test_priors_are_normalised_and_a_statement_bounds_them() -> None:
     for prior in (USUAL, LawErrorPrior.stated(0.005)):
         assert np.exp(prior.log_weights).sum() == pytest.approx(1.0)
         assert prior.sizes[-1] == pytest.approx(prior.most)
-    assert LawErrorPrior.stated(0.005).most == pytest.approx(0.01)
+    assert LawErrorPrior.stated(0.005).most == pytest.approx(0.005)
 
 
 def test_whitening_is_the_inverse_covariance() -> None:
@@ -54,6 +55,19 @@ def test_the_estimate_is_the_ridge_solution_and_its_size_follows_the_error() -> 
         assert found.precision == pytest.approx(coefficient_precision(found.size, 400, 400.0, left), rel=0.1)
         sizes.append(found.size)
     assert sizes[0] < sizes[1] < sizes[2]
+
+
+def test_the_largest_price_is_what_an_error_of_the_median_size_costs() -> None:
+    columns = np.linalg.qr(RNG.normal(size=(400, 4)))[0] * np.array([2e5, 2e4, 4e3, 1e3])
+    for prior in (USUAL, LawErrorPrior.stated(0.005)):
+        prices = []
+        for _ in range(40):
+            raw = RNG.normal(size=400) + columns @ (prior.most * RNG.normal(size=4))
+            prices.append(estimate(raw, np.zeros((400, 0)), np.zeros(0), columns, prior, 400.0).price)
+        largest = LawReference(LawErrorBasis(None, np.eye(4), 1.0), prior, columns, 400.0).largest_price(
+            400.0
+        )  # type: ignore[arg-type]
+        assert np.mean(prices) == pytest.approx(largest, rel=0.08)
 
 
 def off(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
@@ -98,6 +112,15 @@ def test_a_statement_makes_static_effects_sharp_and_an_open_law_keeps_its_class(
     wide = judged(effect("stiffness", factor=1.02), law=None)
     assert any(LAW in one.kinds and "stiffness" in one.kinds for one in wide.classes)
     assert wide.selected in ((), ("stiffness",))
+
+
+def test_two_static_effects_are_not_taken_for_an_error_of_the_law_beyond_its_statement() -> None:
+    """The error of the law would imitate the second one, at several times the stated size."""
+    hidden = effect("actuation_gain", gain=0.96), effect("pressure_offset", offset_pa=250.0)
+    measurement = measured(CHAIN, rich(), *hidden, seed=5)
+    predictor = Predictor(BENCH, ENGINE, CHAIN, measurement, law_error=0.005)
+    found = diagnose(predictor, kinds=["actuation_gain", "mullins", "pressure_offset", "stiffness"])
+    assert found.selected == ("actuation_gain", "pressure_offset")
 
 
 def test_what_leaves_more_than_the_noise_is_never_over_99_percent() -> None:

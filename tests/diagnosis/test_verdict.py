@@ -169,6 +169,9 @@ def test_room_above_the_floor_and_errors_over_it() -> None:
         (table({(): 10.0}, floor=np.nan), True),
     ):
         assert room_above_floor(found, (), THRESHOLDS) is room
+    found = replace(table({(): 1.0}), rows={(): replace(row((), 1.0), law_price=25.0)})
+    for largest, room in ((2.0, True), (24.0, False)):
+        assert room_above_floor(replace(found, largest_law_price=largest), (), THRESHOLDS) is room
     assert table({(): 4.0}).over_floor(4.0) == pytest.approx(2.0)
     assert np.isnan([table({(): 4.0}, floor=floor).over_floor(4.0) for floor in (0.0, np.nan)]).all()
 

@@ -81,6 +81,7 @@ class EvidenceTable:
     Attributes:
         shares: of each condition in all readings.
         has_law_error: the law's own error is part of every hypothesis.
+        largest_law_price: expected log-odds penalty of the largest error of the law that its prior admits.
     """
 
     rows: Mapping[Kinds, Row]
@@ -88,6 +89,7 @@ class EvidenceTable:
     n_readings: int
     shares: tuple[float, ...] = ()
     has_law_error: bool = False
+    largest_law_price: float = 0.0
 
     @property
     def nothing(self) -> Row:
@@ -170,8 +172,6 @@ class EvidenceThresholds:
 
 
 THRESHOLDS = EvidenceThresholds()
-# Approximate log-odds penalty of an error of the law of the usual size.
-USUAL_LAW_PRICE = 30.0
 # Excess over the noise's square at which an effect outside the list is as likely as the hypothesis that leaves it.
 OUTSIDE = 5.0
 # Log-odds of an error of the law from which it is reported.
@@ -361,14 +361,14 @@ def _no_worse_unseen(mine: Array, theirs: Array) -> bool:
 def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> bool:
     """Return whether a further effect could pay its penalty if it reached the noise floor.
 
-    It may also reduce the penalty of the law's error to the usual one.
+    It may also lower a penalty of the law's error beyond that of the largest admissible one.
     """
     n = max(table.noise.n_effective, 2.0)
     now = table.rows[kinds].mean_square + _allowance(table, kinds, thresholds)
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     reach = max(min(floor + _left_over(table, kinds, thresholds), now), 1e-12)
     gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
-    gain += max(table.rows[kinds].law_price - USUAL_LAW_PRICE, 0.0)
+    gain += max(table.rows[kinds].law_price - table.largest_law_price, 0.0)
     size = len(kinds)
     price = thresholds.price(size + 1, table.n_candidates) - thresholds.price(size, table.n_candidates)
     return bool(gain > price + 0.5 * np.log(n))

@@ -185,6 +185,12 @@ class LawReference:
         """Return W of these sensitivities at that precision."""
         return Whitener.from_sensitivities(self.columns, self.precision)
 
+    def largest_price(self, n_effective: float) -> float:
+        """Return the expected log-odds penalty of an error of the largest size that the prior admits."""
+        ratio = np.sum(self.columns**2, axis=0) / self.precision_at(self.prior.most, n_effective)
+        logs = self.prior.log_weights
+        return float(0.5 * np.sum(np.log1p(ratio) + ratio / (1.0 + ratio)) + logs.max() - logs[-1])
+
     def precision_at(self, size: float, n_effective: float) -> float:
         """Return the precision of each coefficient at a size, for readings as noisy as their floors."""
         return coefficient_precision(size, len(self.columns), n_effective, 1.0)

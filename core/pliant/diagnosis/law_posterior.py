@@ -36,8 +36,8 @@ class LawErrorPrior:
 
     @staticmethod
     def stated(share: float) -> LawErrorPrior:
-        """Return the prior of a law with a stated error: half of it is the median, twice of it the maximum."""
-        return LawErrorPrior(0.5 * share, np.log(2.0), 2.0 * share, least=0.05 * share)
+        """Return the prior of a law with a stated error: half of it is the median, and it is the maximum."""
+        return LawErrorPrior(0.5 * share, np.log(2.0), share, least=0.05 * share)
 
     @property
     def sizes(self) -> Array:

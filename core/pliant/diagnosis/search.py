@@ -166,7 +166,9 @@ class HypothesisSearch:
         count = np.bincount(self.condition[self.readings.run])
         shares = tuple((count[count > 0] / len(self.readings)).tolist())
         noise = self.noise(self.fits[best.kinds])
-        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, self.fitter.law is not None)
+        law = self.fitter.law
+        largest = 0.0 if law is None else law.largest_price(noise.n_effective)
+        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, law is not None, largest)
 
     def noise(self, fit: EffectFit) -> NoiseView:
         """Return noise from the residuals of a fit; the last one is cached, because the best fit is often the same."""

@@ -18,13 +18,11 @@ from pliant.report.document import Document, Drawn, Table, drawn, picture, secti
 from pliant_bench.bench import BenchChannel, BenchProtocol
 from pliant_bench.choose import Choice
 from pliant_bench.limits import check_protocol
-from pliant_bench.loop.decision import rounds_held, verdict_holds
 from pliant_bench.loop.expectation import expect, expect_without_data
-from pliant_bench.loop.experiment import Situation
 from pliant_bench.loop.folder import ExperimentFolder
 from pliant_bench.loop.person import words
 from pliant_bench.loop.planner import TellingPlanner
-from pliant_bench.loop.rounds import exposed_since
+from pliant_bench.loop.rounds import situation
 from pliant_bench.plans import history_from_columns
 from pliant_bench.watchdog import Expectation
 
@@ -102,11 +100,7 @@ def _next(
         return first, expect_without_data(opened, outputs, history(first.protocol))
     data = api.read_measurement(opened, folder.recordings())
     diagnosis = api.diagnose(opened, data, kinds=kinds, workers=workers)
-    done = [one.read_recording() for one in rounds]
-    verdicts = [one for folder in rounds if (one := folder.read("verdict")) is not None]
-    holds = verdict_holds(verdicts, planner.settings)
-    met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
-    choice = planner.next(Situation(data, diagnosis, done, np.inf, met))
+    choice = planner.next(situation(rounds, planner.settings, data, diagnosis, np.inf))
     if choice.protocol is None:
         return choice, Expectation({}, {})
     return choice, expect(opened, data, diagnosis, history(choice.protocol))

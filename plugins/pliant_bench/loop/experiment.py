@@ -31,6 +31,7 @@ class Situation:
         recordings: of all runs.
         minutes_left: of the budget.
         met: once a verdict is stable, the further effects that runs since then would have shown; None before.
+        controlled: the first condition was repeated since the verdict was reached.
     """
 
     data: Measurement
@@ -38,6 +39,7 @@ class Situation:
     recordings: Sequence[BenchRecording]
     minutes_left: float
     met: Collection[str] | None = None
+    controlled: bool = False
 
 
 class Planner(Protocol):

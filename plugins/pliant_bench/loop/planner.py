@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pliant import api
 from pliant.pipeline.study import build_study_chain
@@ -13,6 +13,8 @@ from pliant_bench.coverage import Coverage
 from pliant_bench.loop.experiment import Situation
 from pliant_bench.performed import performed
 from pliant_bench.protocol_space import ProtocolSpace
+
+CONTROL = "The first condition again: has the specimen changed since?"
 
 
 def model_inputs(opened: api.OpenStudy) -> tuple[str, ...]:
@@ -37,10 +39,14 @@ class TellingPlanner:
         return first_repeat(self.settings, self.bench)
 
     def next(self, now: Situation) -> Choice:
-        """Return the most informative run; for a stable verdict one that could contradict it."""
+        """Return the most informative run; for a stable verdict one that could contradict it.
+
+        The last run before an end with a verdict is a control: the first condition again. Drift and ageing, which no
+        candidate may predict, show there.
+        """
         axes = ProtocolSpace.from_settings(self.settings, self.bench.inputs).axes
         envelopes = {name: one.limits(name) for name, one in self.settings.outputs.items()}
-        return choose_next(
+        choice = choose_next(
             self.opened,
             now.data,
             now.diagnosis,
@@ -52,6 +58,19 @@ class TellingPlanner:
             coverage=Coverage.from_recordings(axes, now.recordings, envelopes),
             met=now.met,
         )
+        if choice.protocol is not None or choice.purpose != "expose" or now.controlled:
+            return choice
+        control = self._control(now)
+        return control if control.minutes <= now.minutes_left else choice
+
+    def _control(self, now: Situation) -> Choice:
+        first = first_repeat(self.settings, self.bench)
+        assert first.protocol is not None
+        conditions = first.protocol.conditions
+        standing = {name: now.recordings[-1].protocol.conditions.get(name) for name in conditions}
+        to_set = {name: value for name, value in conditions.items() if value != standing[name]}
+        minutes = first.minutes + self.settings.manual_minutes * len(to_set)
+        return replace(first, why=CONTROL, minutes=minutes, to_set=to_set)
 
 
 def first_repeat(settings: ExperimentConfig, bench: Bench) -> Choice:

@@ -16,6 +16,7 @@ from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_json
 from pliant_bench.bench import BenchProtocol, BenchRecording
 from pliant_bench.choose import Choice
+from pliant_bench.config import ExperimentConfig
 from pliant_bench.limits import check_protocol
 from pliant_bench.loop.compared import write_compared
 from pliant_bench.loop.decision import (
@@ -86,11 +87,10 @@ def run_rounds(experiment: Experiment) -> Ended:
             return over
         if latest is None or latest[0] != last.number:  # resumed after a verdict
             latest = (last.number, _diagnose(experiment, rounds))
-        done = [one.read_recording() for one in rounds]
         left = experiment.settings.minutes - spent
-        met = exposed_since(rounds, rounds_held(verdicts)) if holds else None
         experiment.folder.write_status(doing="planning", run=last.number, since=time.time())
-        choice = experiment.planner.next(Situation(_measurement(experiment), latest[1], done, left, met))
+        now = situation(rounds, experiment.settings, _measurement(experiment), latest[1], left)
+        choice = experiment.planner.next(now)
         if holds and choice.protocol is None:
             last.write("end", {"why": choice.why})
             continue
@@ -99,12 +99,29 @@ def run_rounds(experiment: Experiment) -> Ended:
         _plan(experiment, choice, "chosen")
 
 
-def exposed_since(rounds: Sequence[RoundFolder], held: int) -> frozenset[str]:
-    """Return the further effects that `ENOUGH_RUNS` complete runs would have shown since a verdict was reached."""
+def situation(
+    rounds: Sequence[RoundFolder],
+    settings: ExperimentConfig,
+    data: Measurement,
+    diagnosis: Diagnosis,
+    minutes_left: float,
+) -> Situation:
+    """Return what a planner chooses the next run from: readings, diagnosis, and runs since the verdict was reached."""
     judged = [one for one in rounds if one.read("verdict") is not None]
-    since = [one for one in judged[len(judged) - held + 1 :] if _is_complete(one)]
-    shown = Counter(kind for one in since for kind in (one.read("plan") or {}).get("exposes", ()))
-    return frozenset(kind for kind, count in shown.items() if count >= ENOUGH_RUNS)
+    verdicts = [one.read("verdict") or {} for one in judged]
+    held = rounds_held(verdicts)
+    since = [one.read("plan") or {} for one in judged[len(judged) - held + 1 :] if _is_complete(one)]
+    shown = Counter(kind for plan in since for kind in plan.get("exposes", ()))
+    return Situation(
+        data,
+        diagnosis,
+        [one.read_recording() for one in rounds],
+        minutes_left,
+        frozenset(kind for kind, count in shown.items() if count >= ENOUGH_RUNS)
+        if verdict_holds(verdicts, settings)
+        else None,
+        any(plan["purpose"] == "repeat" for plan in since),
+    )
 
 
 def recover(folder: ExperimentFolder) -> None:
