@@ -275,12 +275,16 @@ class Fitter:
         misfit = self._misfit(candidate, parts, law)
         if self.predictor.costly_slopes:
             tried = [self._most_promising(misfit, tried)]
-        points = [self._start(misfit, x) for x in tried]
+        # Which start is the best one shows in the coarsest steps.
+        coarse = self._misfit(candidate, 1, law) if len(tried) > 1 else misfit
+        points = [self._start(coarse, x) for x in tried]
         if not any(np.isfinite(point.cost) for point in points):  # none that far out: begin near neutral
-            points = [self._start(misfit, NEAR_NOTHING * x) for x in tried]
+            points = [self._start(coarse, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
-            points = [self._descend(misfit, point, TRIAL_STEPS)[0] for point in points]
+            points = [self._descend(coarse, point, TRIAL_STEPS)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
+        if coarse.parts != misfit.parts:
+            best = self._start(misfit, best.x)
         steps = SPARING_STEPS if self.predictor.costly_slopes else STEPS
         most = MOST_ITERATIONS if iterations is None else iterations
         point, converged = self._descend(misfit, best, replace(steps, most=most))
