@@ -15,6 +15,7 @@ from pliant.records.design import Array
 
 FIRST_DAMPING = 1e-3
 LEAST_CURVATURE = 1e-9  # added to the diagonal of the normal matrix where the damping scales it
+PROVEN = 0.25  # a prediction to first order has proven right where the gain differs from it by less than this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,8 @@ class Steps:
         least_step: a step no longer than this in any x is the last.
         least_promise: a step whose predicted gain is a smaller share of the cost is taken to first order, without the
             black box.
+        proven_promise: the same where the last step gained about as much as predicted (`PROVEN`).
+        enough: where the predicted gain is a smaller share of the cost, the descent ends without the step.
     """
 
     most: int
@@ -62,6 +65,8 @@ class Steps:
     least_gain: float
     least_step: float = 0.0
     least_promise: float = 0.0
+    proven_promise: float = 0.0
+    enough: float = 0.0
 
 
 def descend(
@@ -83,7 +88,7 @@ def descend(
         pulls: λ (k,) of a prior about x = 0; 0 by default. The problem's cost must include it.
     """
     low, high = bounds
-    damping = FIRST_DAMPING
+    damping, least_promise = FIRST_DAMPING, steps.least_promise
     for _ in range(steps.most):
         slopes = point.slopes
         assert slopes is not None
@@ -100,7 +105,9 @@ def descend(
                 continue
             step = np.clip(point.x + free, low, high) - point.x
             promise = float(step @ (2.0 * gradient - normal @ step))
-            if 0.0 <= promise < steps.least_promise * point.cost:
+            if 0.0 <= promise < steps.enough * point.cost:
+                return point, False
+            if 0.0 <= promise < least_promise * point.cost:
                 residual = point.residual - slopes @ step
                 return Point(point.x + step, residual, point.cost - promise, slopes), True
             trial = problem.point(np.clip(point.x + step, low, high))
@@ -112,6 +119,8 @@ def descend(
         else:
             return point, True  # no step of any length lowers the cost
         gain, point = point.cost - trial.cost, trial
+        proven = abs(gain - promise) < PROVEN * promise
+        least_promise = max(steps.least_promise, steps.proven_promise if proven else 0.0)
         damping = max(damping / steps.easier, steps.least_damping)
         if point.slopes is None:
             found = problem.slopes(point)

@@ -45,7 +45,10 @@ STEPS = Steps(
     least_damping=1e-9,
     least_gain=1e-5,
     least_promise=1e-6,
+    proven_promise=1e-4,
 )
+# Trials only decide which start is continued: they end where little is left to gain.
+TRIAL_STEPS = replace(STEPS, most=TRIAL_ITERATIONS, enough=5e-4)
 # Maximum number of floats in the cached points.
 MOST_KEPT = 8_000_000
 # Maximum number of refinements of a fit.
@@ -272,13 +275,19 @@ class Fitter:
         misfit = self._misfit(candidate, parts, law)
         if self.predictor.costly_slopes:
             tried = [self._most_promising(misfit, tried)]
-        points = [self._start(misfit, x) for x in tried]
+        # Which start is the best one shows in the coarsest steps.
+        coarse = self._misfit(candidate, 1, law) if len(tried) > 1 else misfit
+        points = [self._start(coarse, x) for x in tried]
         if not any(np.isfinite(point.cost) for point in points):  # none that far out: begin near neutral
-            points = [self._start(misfit, NEAR_NOTHING * x) for x in tried]
+            points = [self._start(coarse, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
-            points = [self._descend(misfit, point, TRIAL_ITERATIONS)[0] for point in points]
+            points = [self._descend(coarse, point, TRIAL_STEPS)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
-        point, converged = self._descend(misfit, best, MOST_ITERATIONS if iterations is None else iterations)
+        if coarse.parts != misfit.parts:
+            best = self._start(misfit, best.x)
+        steps = SPARING_STEPS if self.predictor.costly_slopes else STEPS
+        most = MOST_ITERATIONS if iterations is None else iterations
+        point, converged = self._descend(misfit, best, replace(steps, most=most))
         low, high = candidate.limits()
         margin = 1e-6 * (1.0 + np.abs(point.x))
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
@@ -403,11 +412,10 @@ class Fitter:
         return misfit.whitened(point)
 
     def _descend(
-        self, misfit: _ReadingMisfit, point: _LinearPoint, iterations: int
+        self, misfit: _ReadingMisfit, point: _LinearPoint, steps: Steps
     ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        steps = replace(SPARING_STEPS if self.predictor.costly_slopes else STEPS, most=iterations)
         found, converged = descend(
             misfit, point, steps, misfit.candidate.limits(), self.weights, misfit.pulls
         )

@@ -160,15 +160,16 @@ class Predictor(MeasuredModel):
         timed = sum(len(history) for history in self._histories if history.time_s is not None)
         model = self._changed(self._base, effects)
         moves = model.inputs or model.outputs or any(term.needs_time for term in model.chain.terms)
-        if not timed or not moves or self.backend.capabilities.dynamic:
+        if not timed or not moves or self.backend.capabilities.dynamic or _fitting_parts(model, 2) == 1:
             return least
-        parts, here = least, self.refined(least).evaluate(effects).runs
+        known: dict[int, tuple[RunReadings, ...]] = {}  # each is the coarser one of the next
+        parts, here = least, self._second_order(model, least, known)
         measured = [run.outputs for run in self.measurement.runs]
         ranges = {name: max(_range(measured, name), _range(here, name)) for name in self.outputs}
         allowed = {name: CLOSE * span for name, span in ranges.items()} | dict(close or {})
         most = MOST_PARTS if len(self.chain.axes) == 1 else MOST_PARTS_SPATIAL
         while parts < most and 2 * parts * timed <= MOST_STEPS:
-            finer = self.refined(2 * parts).evaluate(effects).runs
+            finer = self._second_order(model, 2 * parts, known)
             if all(_change(here, finer, name) <= allowed[name] for name in self.outputs):
                 break
             parts, here = 2 * parts, finer
@@ -269,6 +270,16 @@ class Predictor(MeasuredModel):
             return found
         coarser = self._evaluate(model, driven, parts // 2)
         return Prediction(_extrapolated(found.runs, coarser.runs), found.n_failed)
+
+    def _second_order(
+        self, model: Model, parts: int, known: dict[int, tuple[RunReadings, ...]]
+    ) -> tuple[RunReadings, ...]:
+        """Return the measured runs as `evaluate` does; predictions of first order are taken from `known`, or added."""
+        for count in (parts, max(parts // 2, 1)):
+            if count not in known:
+                self.heed()
+                known[count] = self._evaluate(model, self._histories, count).runs
+        return known[1] if parts == 1 else _extrapolated(known[parts], known[parts // 2])
 
     def _evaluate(self, model: Model, driven: Sequence[History], parts: int) -> Prediction:
         if any(map(is_held, driven)):

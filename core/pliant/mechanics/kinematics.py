@@ -196,11 +196,13 @@ def _check(chain: ChainModel) -> None:
 
 def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
     """Return (t, n + 2, 3) markers over a history: coordinates q (t, n, a), base orientations (t, 3, 3)."""
+    if base_rotations.strides[0] == 0:  # the base does not turn
+        base_rotations = base_rotations[:1]
     if geometry.kind == "revolute":
         return _hinges(geometry, q[:, :, 0], base_rotations)
     steps, n = q.shape[:2]
     markers = np.empty((steps, n + 2, 3))
-    position, rotation = np.tile(geometry.base_position, (steps, 1)), base_rotations
+    position, rotation = geometry.base_position, base_rotations
     markers[:, 0] = position
     vectors = q @ geometry.basis.T
     for i in range(n):
@@ -240,7 +242,7 @@ def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
     steps, n = q.shape
     axis = int(np.argmax(geometry.basis[:, 0]))
     first, second = (axis + 1) % 3, (axis + 2) % 3
-    columns: list[Array] = list(np.ascontiguousarray(base_rotations.transpose(2, 1, 0)))
+    columns: list[Array] = list(np.ascontiguousarray(base_rotations.transpose(2, 1, 0)))  # (3, t), or (3, 1)
     markers = np.empty((n + 2, 3, steps))
     markers[0] = geometry.base_position[:, None]
     with np.errstate(invalid="ignore"):  # NaN for states that were not reached
@@ -267,9 +269,12 @@ def _add(columns: Sequence[Array], factors: Array, total: Array) -> Array:
 
 
 def base_rotations(rotation: Array, angles: Array) -> Array:
-    """Return (t, 3, 3) base orientations: `rotation`, then turns about world x, y, z by the rows of `angles`."""
+    """Return (t, 3, 3) base orientations: `rotation`, then turns about world x, y, z by the rows of `angles`.
+
+    Without any turn it is a view of one rotation, to be read only.
+    """
     if not angles.any():
-        return np.ascontiguousarray(np.broadcast_to(rotation, (len(angles), 3, 3)))
+        return np.broadcast_to(rotation, (len(angles), 3, 3))
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles.T), np.sin(angles.T)
     turns = np.empty((len(angles), 3, 3))
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 0, 2] = cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx
