@@ -273,27 +273,27 @@ NOTHING = Plan(
 )
 GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload", *QUICK_PROTOCOLS)
 GROUPS += ("missed", *MISTAKE_GROUPS, "interval")
-# The plan of each bed.
+# The plan of each bed; a whole run takes two cores about one and a half hours.
 PLAN_OF: dict[Bed, Plan] = {
     "exact": Plan(),
     "law_off": Plan(
         bed="law_off",
-        seeds=12,
-        clean=160,
-        unknown=6,
-        pairs=60,
+        seeds=8,
+        clean=90,
+        unknown=3,
+        pairs=40,
         weak=0,
         poor=0,
         noload=0,
-        quick=6,
-        rods=4,
-        plan=40,
+        quick=4,
+        rods=3,
+        plan=20,
         improve=1,
-        missed=8,
-        payload=24,
-        clock=24,
-        gravity=24,
-        interval=8,
+        missed=6,
+        payload=16,
+        clock=16,
+        gravity=16,
+        interval=6,
     ),
 }
 
