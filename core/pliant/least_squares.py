@@ -52,6 +52,8 @@ class Steps:
         least_step: a step no longer than this in any x is the last.
         least_promise: a step whose predicted gain is a smaller share of the cost is taken to first order, without the
             black box.
+        secant: slopes follow from the last step (Broyden, Math. Comp. 19, 1965) where first order foresaw the change
+            of the residuals up to this share; otherwise the problem is asked for them. 0: it is always asked.
     """
 
     most: int
@@ -62,6 +64,7 @@ class Steps:
     least_gain: float
     least_step: float = 0.0
     least_promise: float = 0.0
+    secant: float = 0.0
 
 
 def descend(
@@ -111,16 +114,27 @@ def descend(
             damping *= steps.harder
         else:
             return point, True  # no step of any length lowers the cost
-        gain, point = point.cost - trial.cost, trial
+        gain, before, point = point.cost - trial.cost, point, trial
         damping = max(damping / steps.easier, steps.least_damping)
         if point.slopes is None:
-            found = problem.slopes(point)
+            found = _secant_slopes(before, point, steps.secant)
+            found = problem.slopes(point) if found is None else found
             if found is None:
                 return point, False
             point = Point(point.x, point.residual, point.cost, found)
         if gain < steps.least_gain * point.cost or np.abs(step).max(initial=0.0) < steps.least_step:
             return point, True
     return point, False
+
+
+def _secant_slopes(before: Point, after: Point, share: float) -> Array | None:
+    """Return the slopes of before, corrected along the step; None where they foresaw its change too badly."""
+    assert before.slopes is not None
+    step, change = after.x - before.x, before.residual - after.residual
+    missed = change - before.slopes @ step
+    if not float(missed @ missed) < share**2 * float(change @ change):
+        return None
+    return np.asarray(before.slopes + np.outer(missed, step / float(step @ step)))
 
 
 def _free_step(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array | None:

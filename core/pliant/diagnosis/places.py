@@ -9,8 +9,10 @@ right one: what a kind could explain is counted with a strength of its own for e
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import START_SHARE, EffectSet
 from pliant.diagnosis.evidence_table import NOTHING, log_evidence
@@ -21,6 +23,8 @@ from pliant.diagnosis.excitation import (
     explained_by,
     explained_by_columns,
 )
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.search import HypothesisSearch
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.execution.executors import Executor
@@ -34,6 +38,8 @@ LEADING, LEAST_BY_OUTPUT = 2, 0.25
 MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
 # The same share where the change at one strength alone is looked at.
 LEAST_ALONE = 0.05
+# Runs in which that is looked at: those with this share of the squared error, and at least so many.
+MOST_LEFT, FEWEST_RUNS = 0.4, 3
 
 
 def kinds_at_places(
@@ -68,20 +74,39 @@ def kinds_at_places(
 
 
 def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: Executor) -> list[str]:
-    """Return the kinds at single places whose change at a usual strength is most like the residual."""
-    residual = search.fits[NOTHING].raw
+    """Return the kinds at single places whose change at a usual strength is most like the residual.
+
+    They are tried in the runs that hold most of the error.
+    """
+    fitter, there = _where_most_is_left(search)
+    residual = search.fits[NOTHING].raw[there]
     asked = []
     for kind in kinds:
         alike, candidate = search.shown[kind.partition(AT)[0]], EffectSet.from_kinds(search.registry, (kind,))
         x = alike.x.copy()
         x[alike.place] *= START_SHARE
         asked.append((candidate, x, search.fits[NOTHING].parts))
-    with JobQueue(executor, search.fitter.residual_from) as queue:
+    with JobQueue(executor, fitter.residual_from) as queue:
         changes = [residual - one.unwrap() for one in queue.each(asked)]
     gains = {kind: explained_by_columns(residual, c[:, None]) for kind, c in zip(kinds, changes, strict=True)}
     least = LEAST_ALONE * max(gains.values(), default=0.0)
     likely = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
     return likely[:MOST_SCREENED]
+
+
+def _where_most_is_left(search: HypothesisSearch) -> tuple[Fitter, NDArray[np.bool_]]:
+    """Return a fitter of the runs that hold most of the unchanged model's error, and (N,) which readings are theirs."""
+    readings, measurement = search.readings, search.measurement
+    raw = search.fits[NOTHING].raw
+    squares = np.bincount(
+        readings.run, weights=np.where(np.isfinite(raw), raw, 0.0) ** 2, minlength=readings.n_runs
+    )
+    order = np.argsort(-squares)
+    enough = int(np.searchsorted(np.cumsum(squares[order]), MOST_LEFT * squares.sum())) + 1
+    chosen = np.sort(order[: max(enough, FEWEST_RUNS)])
+    part = replace(measurement, runs=tuple(measurement.runs[k] for k in chosen.tolist()))
+    own = ReadingVector.from_measurement(part, readings.outputs, readings.scales)
+    return Fitter(search.fitter.predictor.for_runs(part), own), np.isin(readings.run, chosen)
 
 
 def _explained_by_output(search: HypothesisSearch, kind: str) -> float:
