@@ -39,7 +39,7 @@ MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
 # The same share where the change at one strength alone is looked at.
 LEAST_ALONE = 0.05
 # Runs in which that is looked at: those with this share of the squared error, and at least so many.
-MOST_LEFT, FEWEST_RUNS = 0.4, 3
+MOST_LEFT, FEWEST_RUNS = 0.3, 3
 
 
 def kinds_at_places(
