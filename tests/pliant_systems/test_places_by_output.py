@@ -12,7 +12,7 @@ import pytest
 from pliant.diagnosis import places
 from pliant.diagnosis.evidence_table import NOTHING
 from pliant.diagnosis.excitation import explained_by
-from pliant.diagnosis.places import _explained_by_output, _where_most_is_left
+from pliant.diagnosis.places import _explained_by_output, _Point, _where_most_is_left
 from pliant.diagnosis.readings import ReadingVector
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -94,3 +94,13 @@ def test_places_are_screened_in_the_runs_that_hold_most_of_the_error() -> None:
     assert [run.name for run in fitter.predictor.runs] == ["run_0", "run_2", "run_4"]  # type: ignore[attr-defined]
     assert np.array_equal(fitter.readings.values, readings.values[there])
     assert set(np.abs(raw[there])) == {1.0, 5.0, 2.0}
+
+
+def test_a_place_is_looked_at_with_the_strength_that_the_residual_would_need() -> None:
+    candidate = SimpleNamespace(parameters=[None, SimpleNamespace(limits=(0.0, 4.0))])
+    point = _Point("leak@drive1", candidate, np.array([0.5, 0.3]), 1)  # type: ignore[arg-type]
+    change = np.array([1.0, -2.0, np.nan, 0.5])
+    assert point.scaled(change, 3.0 * change).x == pytest.approx([0.5, 0.9])
+    assert point.scaled(change, 100.0 * change).x == pytest.approx([0.5, 4.0])
+    assert point.scaled(change, -change).x == pytest.approx([0.5, 0.0])
+    assert point.scaled(0.0 * change, change).x == pytest.approx([0.5, 0.0])
