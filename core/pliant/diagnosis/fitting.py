@@ -60,8 +60,6 @@ STEEPEST = 1e9
 MOST_LOST = 0.02
 # A strength below this share of the largest plausible one is near neutral.
 NEAR_NEUTRAL = 0.2
-# Two ends whose distances from neutral differ by a smaller share are as far.
-ALIKE = 0.05
 # Fits whose slopes cost as much as predictions: they end at gains that no evidence turns on, and ask for few slopes.
 SPARING_STEPS = replace(STEPS, tries=4, least_gain=1e-4, least_promise=1e-5, secant=0.1)
 
@@ -340,22 +338,18 @@ class Fitter:
     def stronger_end(self, candidate: EffectSet, ends: Sequence[Array], nothing: EffectFit) -> Array:
         """Return the end (k,) of a plausible range at which the readings change most, without slopes.
 
-        An end that is near the neutral strength is not simulated, nor the lower one of two that are as far from it.
+        An end that is near the neutral strength is not simulated.
         """
         strengths = np.abs(np.array(ends)[:, np.ptp(ends, axis=0) > 0.0]).max(axis=1, initial=0.0)
         tried = [e for e, size in zip(ends, strengths, strict=True) if size >= NEAR_NEUTRAL * strengths.max()]
         if len(tried) == 1:
             return tried[0]
         misfit = self._misfit(candidate, nothing.parts, None)
-        alike = np.ptp(strengths) < ALIKE * strengths.max()
-        sizes: list[float] = []
-        for end in reversed(tried):
-            change = nothing.raw - misfit.residual_at(end).residual
-            there = np.isfinite(change)
-            sizes.append(float(np.mean(change[there] ** 2)) if 2 * there.sum() > len(change) else 0.0)
-            if alike and sizes[-1] > 0.0:  # to first order the other end changes the readings as much
-                return end
-        return tried[::-1][int(np.argmax(sizes))]
+        changes = [nothing.raw - misfit.residual_at(end).residual for end in tried]
+        sizes = [
+            float(np.nanmean(one**2)) if 2 * np.isfinite(one).sum() > len(one) else 0.0 for one in changes
+        ]
+        return tried[int(np.argmax(sizes))]
 
     def whitened(self, values: Array) -> Array:
         """Return (N,) or (N, k) of readings with the possible changes by a law error of the usual size removed."""
