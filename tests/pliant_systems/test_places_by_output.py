@@ -79,7 +79,7 @@ def test_every_kind_that_could_explain_a_quarter_of_the_best_is_tried_at_its_pla
 def test_places_are_screened_in_the_runs_that_hold_most_of_the_error() -> None:
     clock = np.arange(5.0)
     history = History.from_arrays({"drive": clock}, clock)
-    one = MeasuredRun(history, {"a": clock, "b": clock}, {}, np.ones(5), np.arange(5))
+    one = MeasuredRun(history, {"a": clock, "b": clock}, {}, np.ones(5), np.arange(5.0))
     runs = tuple(replace(one, history=replace(history, run=f"run_{k}")) for k in range(6))
     measurement = Measurement(runs, ("a", "b"), "made here")
     readings = ReadingVector.from_measurement(measurement, ("a", "b"), {"a": 1.0, "b": 2.0})
