@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from benchmarks.evidence import ledger
 from benchmarks.output import ROOT
 from benchmarks.systems.form_table import KINDS, UNKNOWN
 from benchmarks.systems.judging import judged_twice, summary
+from benchmarks.systems.plausible import PLAUSIBLE
 from benchmarks.systems.robots import ROBOTS
 
 from benchmarks import pages
@@ -59,6 +61,8 @@ def measured(data: dict[str, Any]) -> Iterator[str]:
         yield "No sealed run has ended yet: every cell of the tables below is *not tried*."
         return
     done = f"{run['done']} of {run['planned']} sets that are planned"
+    if run.get("unmade"):
+        done += f" ({run['unmade']} are left out: not reached with a plausible strength)"
     yield (
         f"Measured on {run['ended'][:10]}: commit `{run['commit']}`, code of the diagnosis `{run['code']}`, {done}. "
         "Later code is not measured by it; `python -m benchmarks.systems.run_bench --digest` says which you have."
@@ -142,9 +146,10 @@ def runs(data: dict[str, Any]) -> Iterator[str]:
         reached = [f"{100 * a / b:.1f} %" if b else "–" for a, b in (share or (0, 0) for share in shares)]
         state = "" if one.get("finished") else "stopped" if "ended" in one else "killed, or still running"
         begun, done = one["began"][:16].replace("T", " "), f"{one.get('done', '?')}/{one['planned']}"
-        rows.append((begun, f"`{one['commit']}`", f"`{one['code']}`", done, *reached, one.get("note", state)))
+        code, unmade = f"`{one['code']}`", one.get("unmade", "?")
+        rows.append((begun, f"`{one['commit']}`", code, done, unmade, *reached, one.get("note", state)))
     heads = "with place | strictly | by class | wrong kind | alarms | unknown |"
-    yield from pages.table(f"begun (UTC) | commit | code | sets | {heads} ", rows)
+    yield from pages.table(f"begun (UTC) | commit | code | sets | not reached | {heads} ", rows)
 
 
 def forms(data: dict[str, Any]) -> Iterator[str]:
@@ -154,12 +159,22 @@ def forms(data: dict[str, Any]) -> Iterator[str]:
             (
                 f"`{kind}`",
                 one.place.replace("_", " "),
+                _most(kind),
                 *(", ".join(f.name for f in split) for split in (one.calibration, one.judged)),
             )
             for kind, one in kinds.items()
         )
-        yield from pages.table(f"{title} | where | in calibration sets | in judged sets", rows)
+        yield from pages.table(
+            f"{title} | where | largest strength | in calibration sets | in judged sets", rows
+        )
         yield ""
+
+
+def _most(kind: str) -> str:
+    """Return the largest plausible strength of a kind in words."""
+    limit = PLAUSIBLE[kind]
+    aside = f", {limit.aside_m:g} m" if math.isfinite(limit.aside_m) else ""
+    return f"{limit.largest:g} {limit.unit}{aside}"
 
 
 def systems(data: dict[str, Any]) -> Iterator[str]:

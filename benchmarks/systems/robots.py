@@ -34,6 +34,7 @@ class Robot:
         without: kinds that do not show here, whatever their strength.
         alike: an effect may be at all joints, by one number; not where hinges and slides are mixed.
         integrator: of the truth, another than the file's.
+        weight: of its number of sets; less where a diagnosis takes long.
     """
 
     name: str
@@ -45,11 +46,12 @@ class Robot:
     start: Mapping[str, float] = field(default_factory=dict)
     settle_s: float = 0.0
     lowest_hz: float = 0.25
-    duration_s: float = 8.0
+    duration_s: float = 6.0
     sampled_hz: float = 50.0
     without: tuple[str, ...] = ()
     alike: bool = True
     integrator: str = "implicit"
+    weight: float = 1.0
 
     @property
     def columns(self) -> dict[str, str]:
@@ -182,7 +184,6 @@ ROBOTS: Mapping[str, Robot] = {
             {f"drive{k}": (f"motor{k}", 0.0, a) for k, a in ((1, 0.012), (2, 0.012))},
             {"angle1_rad": "joint0", "angle2_rad": "joint1"},
             {"tip": ("tip", "xy")},
-            duration_s=6.0,
             without=(*FLAT, *LIGHT),
         ),
         Robot(
@@ -221,7 +222,6 @@ ROBOTS: Mapping[str, Robot] = {
                 "varying_payload",
             ),
             settle_s=1.5,
-            duration_s=6.0,
         ),
         Robot(
             "franka",
@@ -232,7 +232,9 @@ ROBOTS: Mapping[str, Robot] = {
             {"hand": ("end_effector", "xyz")},
             {f"robot:panda0_joint{k + 1}": PANDA_RAD[k][0] for k in range(7)},
             settle_s=0.8,
-            duration_s=6.0,
+            lowest_hz=0.35,
+            duration_s=4.0,
+            weight=0.3,
         ),
         Robot(
             "shadow_finger",
@@ -251,7 +253,9 @@ ROBOTS: Mapping[str, Robot] = {
             {f"{n}_angle_rad": f"robot0:{n}" for n in ("WRJ1", "WRJ0", "FFJ3", "FFJ2", "FFJ1", "FFJ0")},
             {"fingertip": ("robot0:S_fftip", "xyz")},
             settle_s=1.0,
-            duration_s=6.0,
+            lowest_hz=0.35,
+            duration_s=4.0,
+            weight=0.12,
         ),
     )
 }

@@ -1,7 +1,7 @@
 """Diagnose hidden effects in systems that others wrote, and count how often the answer is right.
 
-    python -m benchmarks.systems.run_bench --sealed --share 0.2   judged sets that are drawn for this code; resumable
-    python -m benchmarks.systems.run_bench                    calibration sets, on which thresholds may be tuned
+    python -m benchmarks.systems.run_bench --sealed               judged sets that are drawn for this code; resumable
+    python -m benchmarks.systems.run_bench                        calibration sets, on which thresholds may be tuned
     python -m benchmarks.systems.run_bench --small            a handful of them of the smallest system
     python -m benchmarks.systems.run_bench --systems reacher --kinds viscous_damping none
     python -m benchmarks.systems.run_bench --summarise        the tables of the existing results
@@ -32,6 +32,8 @@ from benchmarks.systems.tasks import CODE, SystemPlan, make, small_plan
 
 from pliant.store.store import write_atomically
 
+COUNTS = ("kinds", "seeds", "unknown", "clean")
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the bench."""
@@ -45,8 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--plan-only", action="store_true", help="only how many sets of what")
     parser.add_argument("--systems", nargs="+", choices=tuple(ROBOTS), default=(), metavar="SYSTEM")
     parser.add_argument("--kinds", nargs="+", choices=(CLEAN, *EVERY), metavar="KIND")
-    parser.add_argument("--seeds", type=int, help="sets per effect and system")
-    parser.add_argument("--clean", type=int, help="clean sets per system and seed")
+    parser.add_argument("--seeds", type=int, help="sets per effect")
+    parser.add_argument("--unknown", type=int, help="sets per unknown form")
+    parser.add_argument("--clean", type=int, help="clean sets")
     parser.add_argument("--share", type=float, default=1.0, help="this part of the sets, 0 to 1")
     parser.add_argument("--workers", type=int, default=2, help="diagnosers at a time")
     parser.add_argument("--name", help="of the results file")
@@ -56,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.digest:
         print(code)
         return
-    changes = {name: getattr(given, name) for name in ("kinds", "seeds", "clean") if getattr(given, name)}
+    changes = {name: getattr(given, name) for name in COUNTS if getattr(given, name)}
     if given.sealed and (
         changes or given.small or given.name or given.systems or not 0.0 < given.share <= 1.0
     ):

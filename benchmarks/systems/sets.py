@@ -1,6 +1,7 @@
 """Measured sets: a truth scaled to the noise, read with noise, as a CSV, a study and the file of the model.
 
-What was hidden is in the label, which is sealed.
+What was hidden is in the label, which is sealed. An effect that would need an implausible strength at a place is hidden
+at another one (`benchmarks.systems.plausible`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from benchmarks.evidence.form_table import Split
 from benchmarks.evidence.sets import Outputs, Scaled, Spectrum, draw_noise, signal
 from benchmarks.evidence.truths import CLEAN
 from benchmarks.systems.form_table import EVERY, KINDS, UNKNOWN
+from benchmarks.systems.number_equations import size_m as size_of_body_m
+from benchmarks.systems.plausible import PLAUSIBLE
 from benchmarks.systems.protocol import Run, protocol
 from benchmarks.systems.robots import ROBOTS, Robot, mjcf
 from benchmarks.systems.truth import FailedTruthError, Hidden, Truth
@@ -26,10 +29,9 @@ SIGMA_OF_RANGE = (0.01, 0.02)
 SNR_RANGE = (1.5, 4.0)
 # Thresholds are calibrated under another spectrum than they are judged under.
 SPECTRA = {"judged": Spectrum(0.5, 0.5, 0.1), "calibration": Spectrum(0.5, 0.3, 0.05)}
-TOLERANCE, ROUNDS, FIRST = 0.03, 14, 0.03
+TOLERANCE, ROUNDS, FIRST = 0.03, 14, 0.5
 # Share of the strength below which an effect does not show at its place, and places that are tried.
 ENOUGH, TRIES = 0.8, 4
-LIGHTEST = 0.6  # share of a body's mass that may be missing
 RIGHT_OF_UNKNOWN = ("unknown_effect", "not_repeatable")
 
 
@@ -74,7 +76,7 @@ def make_set(spec: SystemSpec, name: str = "hidden") -> SystemSet:
     sigma = noise_sizes(robot, clean, dict(zip(robot.columns, sizes.tolist(), strict=True)))
     hidden, found = None, Scaled(0.0, clean, 0.0)
     if spec.kind != CLEAN:
-        hidden, found = _hide(spec, truth, clean, sigma, target, rng)
+        hidden, found, target = _hide(spec, truth, clean, sigma, target, rng)
     measured = _with_noise(truth.runs, found.outputs, sigma, spec.split, rng)
     csv = to_csv(robot, truth.runs, measured)
     places = hidden.places if hidden else ()
@@ -117,43 +119,78 @@ def _hide(
     sigma: dict[str, float],
     target: float,
     rng: np.random.Generator,
-) -> tuple[Hidden, Scaled]:
-    """Draw form, numbers and place of the effect, until it reaches its strength at a place."""
+) -> tuple[Hidden, Scaled, float]:
+    """Draw form, numbers and place of the effect, until it shows; return it, and its target within reach there."""
     kind = EVERY[spec.kind]
     names, forms = truth.names(kind.place), kind.of(spec.split)
     form = forms[int(rng.integers(len(forms)))]
     numbers = {name: float(rng.uniform(*ends)) for name, ends in form.ranges.items()}
     sign = float(rng.choice((-1.0, 1.0))) if kind.signed else 1.0
-    at_all = kind.place in ("vector", "world") or (
-        not kind.alone and truth.robot.alike and rng.uniform() < 0.5
-    )
-    tried = [tuple(names)] if at_all else [(names[k],) for k in rng.permutation(len(names))[:TRIES]]
+    one_place, may_be_at_all = kind.place in ("vector", "world"), not kind.alone and truth.robot.alike
+    at_all = one_place or (may_be_at_all and rng.uniform() < 0.5)
+    order = [] if at_all else rng.permutation(len(names))[:TRIES].tolist()
+    tried: list[tuple[str, ...]] = [(names[k],) for k in order]
+    if one_place or may_be_at_all:  # also where it shows at no single place
+        tried.append(tuple(names))
     for way, places in ((w, p) for w in dict.fromkeys((sign, abs(sign))) for p in tried):
         hidden = Hidden(spec.kind, form, places, numbers, way)
-        largest = min(kind.largest, LIGHTEST) if way < 0.0 and kind.place == "body" else kind.largest
-        found = scaled(truth.with_hidden(hidden).readings, largest, clean, sigma, target)
-        if ENOUGH * target <= found.signal <= target / ENOUGH:
-            return hidden, found
-    raise FailedTruthError(f"{spec.kind} does not show at {', '.join(' '.join(one) for one in tried)}")
+        largest = largest_at(truth, hidden)
+        if largest <= 0.0:
+            continue
+
+        def at(strength: float, one: Truth = truth.with_hidden(hidden)) -> Scaled:
+            read = one.readings(strength)
+            return Scaled(strength, read, signal(clean, read, sigma))
+
+        wanted = within_reach(target, _reach(at, largest))
+        if wanted is None:
+            continue
+        found = scaled(at, largest, clean, wanted)
+        if ENOUGH * wanted <= found.signal <= wanted / ENOUGH:
+            return hidden, found, wanted
+    where = ", ".join(" ".join(one) for one in tried)
+    raise FailedTruthError(f"{spec.kind} does not show with a plausible strength at {where}")
 
 
-def scaled(
-    outputs: Callable[[float], Outputs],
-    largest: float,
-    clean: Outputs,
-    sigma: dict[str, float],
-    target: float,
-) -> Scaled:
+def _reach(at: Callable[[float], Scaled], largest: float) -> float:
+    """Return the signal at the largest plausible strength; infinite where the truth diverges there."""
+    try:
+        return at(largest).signal
+    except FailedTruthError:
+        return math.inf
+
+
+def within_reach(target: float, reach: float) -> float | None:
+    """Return the target, drawn from `SNR_RANGE`, as a draw from the part of the range within reach; None without."""
+    low, high = SNR_RANGE
+    if reach < low:
+        return None
+    return low + (target - low) * (min(high, reach) - low) / (high - low)
+
+
+def largest_at(truth: Truth, hidden: Hidden) -> float:
+    """Return the largest plausible strength at the effect's places; 0 where it would be too far from a body."""
+    limit = PLAUSIBLE[hidden.kind]
+    if not math.isfinite(limit.aside_m):
+        return limit.largest
+    model = truth.model()
+    size_m = max(size_of_body_m(model, model.body(name).id) for name in hidden.places)
+    if "away" not in hidden.numbers:  # the strength is the distance
+        return min(limit.largest, limit.aside_m / size_m)
+    way = np.linalg.norm([hidden.numbers[axis] for axis in "xyz"])
+    return limit.largest if hidden.numbers["away"] * size_m * way <= limit.aside_m else 0.0
+
+
+def scaled(at: Callable[[float], Scaled], largest: float, clean: Outputs, target: float) -> Scaled:
     """Return the truth with the target signal, or at the largest strength: by secants of the logarithms."""
-    strength, slope, before, best = FIRST, 1.0, None, Scaled(0.0, clean, 0.0)
+    strength, slope, before, best = FIRST * largest, 1.0, None, Scaled(0.0, clean, 0.0)
     for _ in range(ROUNDS):
         try:
-            read = outputs(strength)
+            now = at(strength)
         except FailedTruthError:
             largest = min(largest, 0.8 * strength)
             strength = 0.5 * (strength + (before or (0.0,))[0])
             continue
-        now = Scaled(strength, read, signal(clean, read, sigma))
         best = min(best, now, key=lambda one: abs(math.log(max(one.signal, 1e-12) / target)))
         short = now.signal < target and strength >= largest
         if (

@@ -178,6 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "effects": kinds,
         "whole": total,
     }
+    OUT.mkdir(parents=True, exist_ok=True)
     write_atomically(OUT / "six_joint_arm.json", json.dumps(data, indent=1))
 
 

@@ -55,6 +55,8 @@ class Steps:
             black box.
         proven_promise: the same where the last step gained about as much as predicted (`PROVEN`).
         enough: where the predicted gain is a smaller share of the cost, the descent ends without the step.
+        secant: slopes follow from the last step (Broyden, Math. Comp. 19, 1965) where first order foresaw the change
+            of the residuals up to this share; otherwise the problem is asked for them. 0: it is always asked.
     """
 
     most: int
@@ -67,6 +69,7 @@ class Steps:
     least_promise: float = 0.0
     proven_promise: float = 0.0
     enough: float = 0.0
+    secant: float = 0.0
 
 
 def descend(
@@ -118,18 +121,29 @@ def descend(
             damping *= steps.harder
         else:
             return point, True  # no step of any length lowers the cost
-        gain, point = point.cost - trial.cost, trial
+        gain, before, point = point.cost - trial.cost, point, trial
         proven = abs(gain - promise) < PROVEN * promise
         least_promise = max(steps.least_promise, steps.proven_promise if proven else 0.0)
         damping = max(damping / steps.easier, steps.least_damping)
         if point.slopes is None:
-            found = problem.slopes(point)
+            found = _secant_slopes(before, point, steps.secant)
+            found = problem.slopes(point) if found is None else found
             if found is None:
                 return point, False
             point = Point(point.x, point.residual, point.cost, found)
         if gain < steps.least_gain * point.cost or np.abs(step).max(initial=0.0) < steps.least_step:
             return point, True
     return point, False
+
+
+def _secant_slopes(before: Point, after: Point, share: float) -> Array | None:
+    """Return the slopes of before, corrected along the step; None where they foresaw its change too badly."""
+    assert before.slopes is not None
+    step, change = after.x - before.x, before.residual - after.residual
+    missed = change - before.slopes @ step
+    if not float(missed @ missed) < share**2 * float(change @ change):
+        return None
+    return np.asarray(before.slopes + np.outer(missed, step / float(step @ step)))
 
 
 def _free_step(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array | None:

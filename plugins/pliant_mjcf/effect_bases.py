@@ -150,6 +150,8 @@ class EffectForce(StateForce):
         """Return (r, nv) the force during the next step, and the joints with their next states."""
         joints, inner = state
         found, inner = self.effect.advance(joints, inner, q[:, joints.qpos], v[:, joints.dofs], step_s)
+        if found.shape == v.shape and joints.in_order:
+            return found, (joints, inner)
         force = np.zeros_like(v)
         force[:, joints.dofs] = found
         return force, (joints, inner)

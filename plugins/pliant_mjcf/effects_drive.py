@@ -86,45 +86,77 @@ class DeadZoneDrive(DriveChange):
     effect: DriveEffect
 
     def start(self, model: Any) -> Any:
-        """Return the drives, their controls, and data in which positions are computed."""
+        """Return the numbers of the drives, and data in which positions are computed."""
         import mujoco
 
         drives = self.effect.drives(model)
-        places = getattr(model, "actuator_ctrladr", np.arange(model.nu))[drives]
-        return drives, places, mujoco.MjData(model)
+        return Drives.of(model, drives), mujoco.MjData(model)
 
     def advance(
         self, model: Any, state: Any, q: Array, v: Array, controls: Array, step_s: float
     ) -> tuple[Array, Any]:
         """Return (r, nu) the controls with which the drives transmit the remainder, and the same state."""
-        drives, places, data = state
-        gain, stiffness = model.actuator_gainprm[drives, 0], -model.actuator_biasprm[drives, 1]
-        gear = model.actuator_gear[drives, 0]
-        asked = controls[:, places]
-        limited = model.actuator_ctrllimited[drives].astype(bool)
-        low, high = model.actuator_ctrlrange[drives].T
-        asked = np.where(limited, np.clip(asked, low, high), asked)
-        wanted = (gain * asked + model.actuator_biasprm[drives, 0]) / stiffness
-        error = wanted / gear - element_positions(model, data, drives, q)
+        drives, data = state
+        asked = np.clip(controls[:, drives.places], drives.low, drives.high)
+        wanted = asked * drives.per_control + drives.at_zero
+        error = wanted - element_positions(model, data, drives, q)
         changed = controls.copy()
-        changed[:, places] = asked - stiffness / gain * gear * self.effect.lost(error)
+        changed[:, drives.places] = asked - self.effect.lost(error) / drives.per_control
         return changed, state
 
 
-def element_positions(model: Any, data: Any, drives: list[int], q: Array) -> Array:
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Position drives: (n,) numbers that no step changes.
+
+    Attributes:
+        elements: the joint or tendon that each moves; `qpos`: addresses of the joints' positions, None with a tendon.
+        places: their controls; `low`, `high`: limits of these.
+        per_control, at_zero: the position that is commanded is at_zero + per_control u.
+    """
+
+    elements: Array
+    qpos: Array | None
+    places: Array
+    low: Array
+    high: Array
+    per_control: Array
+    at_zero: Array
+
+    @staticmethod
+    def of(model: Any, drives: list[int]) -> Drives:
+        """Return the numbers of these actuators."""
+        import mujoco
+
+        gear, stiffness = model.actuator_gear[drives, 0], -model.actuator_biasprm[drives, 1]
+        limited = model.actuator_ctrllimited[drives].astype(bool)
+        low, high = model.actuator_ctrlrange[drives].T
+        elements = model.actuator_trnid[drives, 0]
+        joints = np.all(model.actuator_trntype[drives] != int(mujoco.mjtTrn.mjTRN_TENDON))
+        return Drives(
+            elements=elements,
+            qpos=model.jnt_qposadr[elements] if joints else None,
+            places=getattr(model, "actuator_ctrladr", np.arange(model.nu))[drives],
+            low=np.where(limited, low, -np.inf),
+            high=np.where(limited, high, np.inf),
+            per_control=model.actuator_gainprm[drives, 0] / (stiffness * gear),
+            at_zero=model.actuator_biasprm[drives, 0] / (stiffness * gear),
+        )
+
+
+def element_positions(model: Any, data: Any, drives: Drives, q: Array) -> Array:
     """Return (r, n) the angle of the joint, or the length of the tendon, that each of these actuators moves."""
+    if drives.qpos is not None:
+        return np.asarray(q[:, drives.qpos])
     import mujoco
 
-    element = model.actuator_trnid[drives, 0]
-    if np.all(model.actuator_trntype[drives] != int(mujoco.mjtTrn.mjTRN_TENDON)):
-        return np.asarray(q[:, model.jnt_qposadr[element]])
-    found = np.empty((len(q), len(drives)))
+    found = np.empty((len(q), len(drives.elements)))
     for k, position in enumerate(q):
         data.qpos[:] = position
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_tendon(model, data)
-        found[k] = data.ten_length[element]
+        found[k] = data.ten_length[drives.elements]
     return found
 
 

@@ -12,7 +12,8 @@ J. Numer. Meth. Eng. 2, 1970):
 
     h' = e^(−Δt/T) h + (1 − e^(−Δt/T)) T/Δt Δq
 
-Runs begin with relaxed springs. A spring is no stiffer than a step resolves, k ≤ I / Δt² with the inertia I of
+As for chains, several springs may slip one after another or relax in several times (`spread`). Runs begin with relaxed
+springs. A spring is no stiffer than a step resolves, k ≤ I / Δt² with the inertia I of
 `elements.Joints`: a shorter break-away is then M_y / k.
 """
 
@@ -106,10 +107,12 @@ class JointHysteresisConfig(EffectConfig):
         example="1 deg",
     )
     """distance after which it slips; of a slide in m"""
+    spread: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.95), plausible=(0.0, 0.8), role="form")
+    """of surfaces that slip one after another: how far the distances of three of them are apart"""
 
 
 class JointHysteresis(JointMemory):
-    """A spring that slips: stiffness M_y / δ, moment at most M_y."""
+    """A spring that slips: stiffness M_y / δ, moment at most M_y; or the mean of three of them."""
 
     config: JointHysteresisConfig
     notes = replace(
@@ -124,16 +127,21 @@ class JointHysteresis(JointMemory):
     recommended_experiments = ("small_loops", "slow_cycles", "fast_cycles")
 
     def begin(self, joints: Joints, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the position, and the stretch of the spring."""
-        return q.copy(), np.zeros_like(q)
+        """Return the position, and (m, r, n) the stretch of the springs."""
+        return q.copy(), np.zeros((3 if self.config.spread else 1, *q.shape))
 
     def advance(self, joints: Joints, state: Any, q: Array, v: Array, step_s: float) -> tuple[Array, Any]:
         """Return the moments of the springs, and their next states."""
         before, stretch = state
-        stiffness = np.minimum(self.config.yield_n_m / self.config.break_away_rad, joints.inertia / step_s**2)
-        most = self.config.yield_n_m / stiffness
+        spread, parts = self.config.spread, len(stretch)
+        ratios = np.array([1.0, 1.0 - spread, 1.0 + 3.0 * spread][:parts])[:, None, None]
+        yields = self.config.yield_n_m / parts
+        stiffness = np.minimum(
+            yields / (self.config.break_away_rad * ratios), joints.inertia / (parts * step_s**2)
+        )
+        most = yields / stiffness
         stretch = np.clip(stretch + (q - before), -most, most)
-        return -stiffness * stretch, (q.copy(), stretch)
+        return -np.sum(stiffness * stretch, axis=0), (q.copy(), stretch)
 
 
 class JointRelaxationConfig(EffectConfig):
@@ -154,10 +162,12 @@ class JointRelaxationConfig(EffectConfig):
         example="2 s",
     )
     """time constant in which it relaxes"""
+    spread: Ratio = parameter(neutral=1.0, bounds=(1.0, 12.0), plausible=(1.0, 5.0), role="form")
+    """with more than one time constant: ratio of each of three to the next"""
 
 
 class JointRelaxation(JointMemory):
-    """A spring and a dashpot in series, parallel to the joint's own spring."""
+    """A spring and a dashpot in series, parallel to the joint's own spring; or three of them."""
 
     config: JointRelaxationConfig
     notes = replace(
@@ -172,13 +182,15 @@ class JointRelaxation(JointMemory):
     recommended_experiments = ("holds", "fast_cycles", "slow_cycles")
 
     def begin(self, joints: Joints, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the position, and the stretch of the spring."""
-        return q.copy(), np.zeros_like(q)
+        """Return the position, and (m, r, n) the stretch of the springs."""
+        return q.copy(), np.zeros((1 if self.config.spread == 1.0 else 3, *q.shape))
 
     def advance(self, joints: Joints, state: Any, q: Array, v: Array, step_s: float) -> tuple[Array, Any]:
         """Return the moments of the branches, and their next states."""
         before, stretch = state
-        steps = step_s / self.config.time_s
+        spread, parts = self.config.spread, len(stretch)
+        ratios = np.array([1.0, spread, 1.0 / spread][:parts])[:, None, None]
+        steps = step_s / (self.config.time_s * ratios)
         stretch = np.exp(-steps) * stretch - np.expm1(-steps) / steps * (q - before)
-        stiffness = np.minimum(self.config.stiffness_n_m_per_rad, joints.inertia / step_s**2)
-        return -stiffness * stretch, (q.copy(), stretch)
+        stiffness = np.minimum(self.config.stiffness_n_m_per_rad, joints.inertia / step_s**2) / parts
+        return -stiffness * np.sum(stretch, axis=0), (q.copy(), stretch)

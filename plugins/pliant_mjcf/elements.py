@@ -46,12 +46,14 @@ class Joints:
             c_i ≤ inertia_i / Δt at all of them together are stable over a step Δt, for the largest eigenvalue of
             M⁻¹ scaled to ones on its diagonal is at most n.
         damping: (n,) damping of the model, SI.
+        in_order: whether they are all coordinates of the model, in their order.
     """
 
     qpos: Array
     dofs: Array
     inertia: Array
     damping: Array
+    in_order: bool
 
     @classmethod
     def of(cls, model: Any, numbers: list[int]) -> Joints:
@@ -59,7 +61,11 @@ class Joints:
         dofs = model.jnt_dofadr[numbers]
         light = np.maximum(model.dof_invweight0[dofs], 1e-12)
         return cls(
-            model.jnt_qposadr[numbers], dofs, 1.0 / (light * len(numbers)), model.dof_damping[dofs].copy()
+            model.jnt_qposadr[numbers],
+            dofs,
+            1.0 / (light * len(numbers)),
+            model.dof_damping[dofs].copy(),
+            bool(np.array_equal(dofs, np.arange(model.nv))),
         )
 
 

@@ -164,7 +164,7 @@ class March:
     ) -> None:
         """Step the moving runs once, and note those that warn."""
         step_s = float(self.model.opt.timestep)
-        self._ctrl[moving] = control
+        self._ctrl[moving if ids is not None else slice(None)] = control
         if self.controls:
             self._ctrl[:] = self._changed_controls(step_s)
         if self.forces:

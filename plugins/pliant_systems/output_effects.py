@@ -17,7 +17,7 @@ from pliant.records.design import Array
 from pliant.units import Angle, Ratio, Time
 from pliant_plugins.effects.lag import lagged
 from pliant_systems import notes as known
-from pliant_systems.signals import OutputEffect, delayed
+from pliant_systems.signals import OutputEffect, delayed, faded
 
 COMPONENT = re.compile(r"(.*)_([xyz])_([a-z0-9_]+)")
 
@@ -47,17 +47,19 @@ class SensorScaleConfig(EffectConfig):
     kind: str = effect_kind("sensor_scale")
     factor: Ratio = parameter(neutral=1.0, bounds=(-3.0, 5.0), plausible=(0.8, 1.2), example=1.05)
     """reading over the true value"""
+    fading: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3), role="form")
+    """share of the change that is gone at the largest recorded magnitude"""
 
 
 class SensorScale(OutputEffect):
-    """y' = g y."""
+    """y' = (1 + (g − 1) (1 − f |y| / ŷ)) y."""
 
     config: SensorScaleConfig
     notes = known.SCALE
     recommended_experiments = ("slow_cycles", "step_response")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
-        return self.config.factor * values
+        return values * (1.0 + (self.config.factor - 1.0) * faded(self.config.fading, values, scale))
 
 
 class SensorLagConfig(EffectConfig):
@@ -66,17 +68,21 @@ class SensorLagConfig(EffectConfig):
     kind: str = effect_kind("sensor_lag")
     time_s: Time = parameter(neutral=0.0, bounds=(0.0, 20.0), plausible=(0.01, 0.3), example="0.05 s")
     """time constant of the sensor or its filter"""
+    second_ratio: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.4), role="form")
+    """time constant of a second lag behind it, as a share of the first"""
 
 
 class SensorLag(OutputEffect):
-    """T y'˙ + y' = y, from balance."""
+    """T y'˙ + y' = y, from balance, and a second lag behind it."""
 
     config: SensorLagConfig
     notes = known.SENSOR_LAG
     recommended_experiments = ("step_response", "fast_cycles")
 
     def transform(self, values: Array, time_s: Array, scale: float) -> Array:
-        return lagged(values, time_s, self.config.time_s) if self.config.time_s else values
+        for constant_s in (self.config.time_s, self.config.second_ratio * self.config.time_s):
+            values = lagged(values, time_s, constant_s) if constant_s else values
+        return values
 
 
 class SensorDelayConfig(EffectConfig):

@@ -18,6 +18,8 @@ from pliant.interfaces.model import SystemEffect, SystemParts
 from pliant.records.design import Array
 from pliant.records.history import History
 
+# Share of the largest magnitude below which a power of it no longer grows.
+LEAST_SHARE = 1e-3
 # (values (t,), time_s (t,)) → (t,)
 Transform = Callable[[Array, Array], Array]
 
@@ -90,6 +92,31 @@ def _read(transforms: Mapping[str, Transform], readings: Readings) -> dict[str, 
             if name in readings
         },
     }
+
+
+def faded(fading: float, values: Array, scale: float) -> Array:
+    """Return (t,) the share of a change that is left at each value."""
+    return 1.0 - fading * np.abs(values) / scale if fading else np.ones_like(values)
+
+
+def above(size: Array, threshold: float, width: float) -> Array:
+    """Return (t,) how far sizes are above a threshold, with a corner of this width, zero at zero."""
+    if width <= 0.0:
+        return np.maximum(size - threshold, 0.0)
+    beyond = np.logaddexp(0.0, (size - threshold) / width) - np.logaddexp(0.0, -threshold / width)
+    return np.asarray(width * beyond)
+
+
+def faded_changes(values: Array, time_s: Array, rate: float, power: float, scale: float) -> Array:
+    """Return (t,) x of x˙ = u˙ − r x (|x| / û)^(n−1), from zero; over a step the factor of x is that at its start."""
+    found, x = np.zeros_like(values), 0.0
+    steps = zip(np.diff(values).tolist(), np.diff(time_s).tolist(), strict=True)
+    for k, (change, step_s) in enumerate(steps, 1):
+        x += change
+        size = max(abs(x) / scale, LEAST_SHARE)
+        x *= float(np.exp(-rate * step_s * size ** (power - 1.0)))
+        found[k] = x
+    return found
 
 
 def delayed(values: Array, time_s: Array, delay_s: float) -> Array:

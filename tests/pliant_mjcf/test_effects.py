@@ -164,6 +164,25 @@ def test_a_relaxing_branch_forgets_a_step_within_its_time() -> None:
     assert force[301] / force[1] == pytest.approx(np.exp(-1.0), rel=0.01)
 
 
+def test_surfaces_that_slip_one_after_another_and_several_times_of_relaxation() -> None:
+    """Three elements with a third of the moment each; a spread of none is the plain law."""
+
+    def push(t: float) -> float:
+        return 0.06 * t
+
+    def force(kind: str, **values: float) -> Any:
+        return moved(rotor(), effect(kind, **values), seconds=1.0, prescribed=push).force[:, 0, 0]
+
+    slips = {"yield_n_m": 0.3, "break_away_rad": 0.05}
+    found, at = force("friction_hysteresis", **slips, spread=0.5), 0.06 * np.linspace(0.0, 1.0, 1001)
+    parts = [np.minimum(at / (0.05 * ratio), 1.0) for ratio in (1.0, 0.5, 2.5)]
+    assert -found[:1000] == pytest.approx(0.1 * np.sum(parts, axis=0)[:1000], abs=2e-3)
+    branch = {"stiffness_n_m_per_rad": 3.0}
+    several = force("viscoelastic", **branch, time_s=0.3, spread=3.0)
+    alone = [force("viscoelastic", **branch, time_s=t) for t in (0.3, 0.9, 0.1)]
+    assert several == pytest.approx(np.mean(alone, axis=0), abs=1e-9)
+
+
 def test_slow_motion_of_a_relaxing_branch_is_that_of_a_dashpot() -> None:
     branch = effect("viscoelastic", stiffness_n_m_per_rad=2.0, time_s=0.02)
     run = moved(rotor(), branch, seconds=0.5, prescribed=lambda t: 0.5 * t)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,10 @@ import pytest
 from pliant.diagnosis import places
 from pliant.diagnosis.evidence_table import NOTHING
 from pliant.diagnosis.excitation import explained_by
-from pliant.diagnosis.places import _explained_by_output
+from pliant.diagnosis.places import _explained_by_output, _Point, _where_most_is_left
+from pliant.diagnosis.readings import ReadingVector
+from pliant.records.history import History
+from pliant.records.measurement import MeasuredRun, Measurement
 
 
 def search_of(changes: dict[str, Any], residual: Any, output: Any) -> Any:
@@ -70,3 +74,33 @@ def test_every_kind_that_could_explain_a_quarter_of_the_best_is_tried_at_its_pla
     monkeypatch.setattr(places, "log_evidence", lambda *_: {(kind,): -ord(kind) for kind in explained})
     places.kinds_at_places(search, model, None)  # type: ignore[arg-type]
     assert "g@1" not in asked  # a ninth of what the best explains
+
+
+def test_places_are_screened_in_the_runs_that_hold_most_of_the_error() -> None:
+    clock = np.arange(5.0)
+    history = History.from_arrays({"drive": clock}, clock)
+    one = MeasuredRun(history, {"a": clock, "b": clock}, {}, np.ones(5), np.arange(5.0))
+    runs = tuple(replace(one, history=replace(history, run=f"run_{k}")) for k in range(6))
+    measurement = Measurement(runs, ("a", "b"), "made here")
+    readings = ReadingVector.from_measurement(measurement, ("a", "b"), {"a": 1.0, "b": 2.0})
+    raw = np.array([1.0, 0.1, 5.0, 0.1, 2.0, 0.2])[readings.run]
+    search = SimpleNamespace(
+        readings=readings,
+        measurement=measurement,
+        fits={NOTHING: SimpleNamespace(raw=raw)},
+        fitter=SimpleNamespace(predictor=SimpleNamespace(for_runs=lambda measured: measured)),
+    )
+    fitter, there = _where_most_is_left(search)  # type: ignore[arg-type]
+    assert [run.name for run in fitter.predictor.runs] == ["run_0", "run_2", "run_4"]  # type: ignore[attr-defined]
+    assert np.array_equal(fitter.readings.values, readings.values[there])
+    assert set(np.abs(raw[there])) == {1.0, 5.0, 2.0}
+
+
+def test_a_place_is_looked_at_with_the_strength_that_the_residual_would_need() -> None:
+    candidate = SimpleNamespace(parameters=[None, SimpleNamespace(limits=(0.0, 4.0))])
+    point = _Point("leak@drive1", candidate, np.array([0.5, 0.3]), 1)  # type: ignore[arg-type]
+    change = np.array([1.0, -2.0, np.nan, 0.5])
+    assert point.scaled(change, 3.0 * change).x == pytest.approx([0.5, 0.9])
+    assert point.scaled(change, 100.0 * change).x == pytest.approx([0.5, 4.0])
+    assert point.scaled(change, -change).x == pytest.approx([0.5, 0.0])
+    assert point.scaled(0.0 * change, change).x == pytest.approx([0.5, 0.0])

@@ -156,3 +156,41 @@ def test_a_name_that_the_model_lacks_is_refused() -> None:
         effect("dead_zone@driv", share=0.1).act(parts())
     with pytest.raises(UserError, match="no output is one of x, y and z"):
         effect("misaligned_frame").act(parts())
+
+
+def test_gain_offset_and_scale_fade_with_the_level() -> None:
+    left = 1.0 - 0.3 * np.abs(WAVE) / 2.0
+    assert acting("actuation_gain", WAVE, factor=1.2, fading=0.3) == pytest.approx(WAVE * (1.0 + 0.2 * left))
+    assert acting("input_offset", WAVE, share=0.1, fading=0.3) == pytest.approx(WAVE + 0.2 * left)
+    assert read("sensor_scale", WAVE, factor=0.9, fading=0.3) == pytest.approx(WAVE * (1.0 - 0.1 * left))
+
+
+def test_corners_may_be_round() -> None:
+    sharp, rounded = (acting("dead_zone", WAVE, share=0.25, rounding=r) for r in (0.0, 0.4))
+    assert np.all(rounded[WAVE == 0.0] == 0.0) and 0.01 < np.abs(rounded - sharp).max() < 0.14
+    assert acting("dead_zone", WAVE, share=0.25, rounding=0.01) == pytest.approx(sharp, abs=4e-3)
+    clipped, soft = (acting("saturation", WAVE, loss=0.5, rounding=r) for r in (0.0, 0.2))
+    assert np.abs(soft).max() < 1.0 and soft[np.abs(WAVE) < 0.1] == pytest.approx(
+        WAVE[np.abs(WAVE) < 0.1], abs=1e-2
+    )
+    assert acting("saturation", WAVE, loss=0.5, rounding=0.01) == pytest.approx(clipped, abs=8e-3)
+
+
+def test_a_second_lag_is_one_behind_the_first() -> None:
+    first = acting("supply_lag", STEP, time_s=0.3)
+    both = acting("supply_lag", STEP, time_s=0.3, second_ratio=0.5)
+    assert both == pytest.approx(acting("supply_lag", first, time_s=0.15), abs=1e-12)
+    lag = read("sensor_lag", CLOCK, time_s=0.2, second_ratio=0.5)
+    assert CLOCK[-1] - lag[-1] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_plays_apart_are_the_mean_of_three() -> None:
+    alone = [acting("backlash", WAVE, share=share) for share in (0.05, 0.1, 0.15)]
+    assert acting("backlash", WAVE, share=0.1, spread=0.5) == pytest.approx(np.mean(alone, axis=0), abs=1e-12)
+
+
+def test_leak_by_the_square_of_the_level_fades_hyperbolically() -> None:
+    """x˙ = −r x² / û from û: x = û / (1 + r t)."""
+    found = acting("leak", STEP, rate_per_s=0.5, power=2.0)
+    at = CLOCK >= 1.01
+    assert found[at] == pytest.approx(2.0 / (1.0 + 0.5 * (CLOCK[at] - 0.99)), rel=0.01)

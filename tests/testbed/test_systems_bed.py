@@ -16,13 +16,15 @@ from benchmarks.evidence.counting import wilson
 from benchmarks.evidence.sets import signal
 from benchmarks.evidence.truths import CLEAN
 from benchmarks.systems import publish
+from benchmarks.systems import tasks as tasks_of_the_bed
 from benchmarks.systems.form_table import EVERY, KINDS, PLACES, UNKNOWN, Form
 from benchmarks.systems.judging import judged_twice, summary, without_places
+from benchmarks.systems.plausible import PLAUSIBLE, Plausible
 from benchmarks.systems.protocol import RUNS, protocol
 from benchmarks.systems.robots import ROBOTS, mjcf, present
-from benchmarks.systems.sets import ENOUGH, SystemSpec, make_set
-from benchmarks.systems.tasks import CODE, SystemPlan, SystemTask, kinds_of, make, small_plan
-from benchmarks.systems.truth import FINER, Truth
+from benchmarks.systems.sets import ENOUGH, SystemSpec, largest_at, make_set, within_reach
+from benchmarks.systems.tasks import CODE, SystemPlan, SystemTask, kinds_of, make, small_plan, spread
+from benchmarks.systems.truth import FINER, FailedTruthError, Hidden, Truth
 
 from benchmarks import pages
 from pliant.registry.discovery import discover
@@ -130,18 +132,66 @@ def test_labels_are_shut_and_files_do_not_tell(tmp_path: Path, monkeypatch: Any)
     assert task.public_id != name and task.secret_id(bytes(32)) != name
 
 
-def test_the_plan_has_every_kind_of_every_system_in_any_order() -> None:
-    plan = SystemPlan(("reacher", "pusher"), seeds=2, clean=1)
+def test_the_plan_has_every_kind_and_group_and_more_of_cheap_systems(monkeypatch: Any) -> None:
+    plan = SystemPlan(tuple(one.name for one in present()))
     tasks = plan.tasks()
-    assert len({task.public_id for task in tasks}) == len(tasks)
-    for robot in plan.robots:
-        kinds = [task.spec.kind for task in tasks if task.spec.robot == robot]
-        assert {*kinds} == {*kinds_of(robot, tuple(EVERY)), CLEAN}
-        assert all(kinds.count(kind) == 2 for kind in kinds)
+    assert len({task.public_id for task in tasks}) == len(tasks) and 110 <= len(tasks) <= 130
+    kinds = [task.spec.kind for task in tasks]
+    somewhere = {kind for robot in plan.robots for kind in kinds_of(robot, tuple(EVERY))}
+    assert {*kinds} == {*somewhere, CLEAN} and {task.spec.robot for task in tasks} == set(plan.robots)
+    assert all(kinds.count(kind) == plan.seeds for kind in somewhere & set(KINDS))
+    groups = [task.group for task in tasks]
+    assert groups.count("clean") >= 30 and groups.count("unknown") >= 20
     half = dataclasses.replace(plan, share=0.5).tasks()
     assert half == tasks[: len(half)] and {task.spec.robot for task in half} == set(plan.robots)
     assert {task.spec.kind for task in small_plan().tasks()} == set(small_plan().kinds)
     assert set(CANDIDATES) <= set(CODE)
+    monkeypatch.setitem(ROBOTS, "pusher", dataclasses.replace(ROBOTS["pusher"], weight=0.2))
+    spread_out = spread({"supply_lag": 2, "sensor_lag": 2, CLEAN: 8}, ("reacher", "pusher"))
+    of_pusher = sum(robots.count("pusher") for robots in spread_out.values())
+    assert [len(robots) for robots in spread_out.values()] == [2, 2, 8] and 0 < of_pusher <= 3
+
+
+def test_every_kind_has_a_plausible_range() -> None:
+    assert set(PLAUSIBLE) == set(EVERY) and all(one.largest > 0.0 and one.unit for one in PLAUSIBLE.values())
+
+
+def test_targets_are_drawn_within_reach() -> None:
+    assert within_reach(3.0, 40.0) == 3.0 and within_reach(3.0, 1.4) is None
+    assert within_reach(1.5, 2.0) == 1.5 and within_reach(4.0, 2.0) == 2.0
+
+
+def test_a_strength_beyond_the_plausible_is_hidden_elsewhere(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setitem(ROBOTS, "reacher", SHORT)
+    usual = make_set(SystemSpec("actuation_gain", 1, "reacher", "judged")).label
+    assert 0.0 < usual["strength"] <= PLAUSIBLE["actuation_gain"].largest
+    monkeypatch.setitem(PLAUSIBLE, "actuation_gain", Plausible(1e-4, "of the stated gain"))
+    with pytest.raises(FailedTruthError, match="plausible"):
+        make_set(SystemSpec("actuation_gain", 1, "reacher", "judged"))
+    monkeypatch.setattr("benchmarks.systems.sets.PLAUSIBLE", {"payload": Plausible(0.5, "", 0.1)})
+    truth, far = Truth(ROBOTS["swimmer"], (), 0), {"away": 0.5, "x": 1.0, "y": 0.0, "z": 0.0}
+    payload = Hidden("payload", KINDS["payload"].judged[0], ("torso",), far)
+    assert largest_at(truth, payload) == 0.0
+    assert largest_at(truth, dataclasses.replace(payload, numbers=far | {"away": 0.2})) == 0.5
+
+
+def test_an_effect_that_a_system_cannot_show_is_hidden_in_another(tmp_path: Path, monkeypatch: Any) -> None:
+    seen: list[SystemSpec] = []
+
+    def made(spec: SystemSpec, name: str) -> Any:
+        seen.append(spec)
+        if spec.robot != "swimmer":
+            raise FailedTruthError("not here")
+        return make_set(dataclasses.replace(spec, kind=CLEAN), name)
+
+    monkeypatch.setattr(tasks_of_the_bed, "make_set", made)
+    task = SystemTask("effect", spec=SystemSpec("dead_zone", 0, "reacher", "judged"))
+    make(task, "one", tmp_path, KEY)
+    assert seal.unseal((tmp_path / "one.sealed").read_text(), KEY)["robot"] == "swimmer"
+    assert seen[0] == task.spec and all(spec.draw != task.spec.draw for spec in seen[1:])
+    monkeypatch.setattr(tasks_of_the_bed, "present", lambda: [ROBOTS["reacher"]])
+    with pytest.raises(FailedTruthError, match="reacher: not here"):
+        make(task, "other", tmp_path, KEY)
 
 
 def answer(kind: str, **result: Any) -> dict[str, Any]:

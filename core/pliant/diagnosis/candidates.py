@@ -207,6 +207,12 @@ class EffectSet:
         return [found[k] for k in np.linspace(0, len(found) - 1, MOST_STARTS).round().astype(int)]
 
 
+def is_neutral(config: EffectConfig) -> bool:
+    """Return whether every strength of an effect has its neutral value, at which it changes nothing."""
+    strengths = [one for one in type(config).fit_parameters() if one.role == "strength"]
+    return bool(strengths) and all(getattr(config, one.name) == one.neutral for one in strengths)
+
+
 def _config(model: type[EffectConfig], kind: str, given: dict[str, float]) -> EffectConfig:
     try:
         return model.model_validate({"kind": kind, **given})

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.candidates import EffectSet, is_neutral
 from pliant.diagnosis.effect_fit import EffectFit, add_law_error
 from pliant.diagnosis.law_discrepancy import (
     LawErrorBasis,
@@ -63,8 +63,8 @@ STEEPEST = 1e9
 MOST_LOST = 0.02
 # A strength below this share of the largest plausible one is near neutral.
 NEAR_NEUTRAL = 0.2
-# Ends of fits whose slopes cost as much as predictions: gains that no evidence turns on.
-SPARING_STEPS = replace(STEPS, tries=4, least_gain=1e-4, least_promise=1e-5)
+# Fits whose slopes cost as much as predictions: they end at gains that no evidence turns on, and ask for few slopes.
+SPARING_STEPS = replace(STEPS, tries=4, least_gain=1e-4, least_promise=1e-5, proven_promise=0.0, secant=0.1)
 
 
 def exclusion_reason(error: UserError) -> str:
@@ -274,7 +274,9 @@ class Fitter:
             return self.evaluate(candidate, np.zeros(0), parts, law)
         misfit = self._misfit(candidate, parts, law)
         if self.predictor.costly_slopes:
-            tried = [self._most_promising(misfit, tried)]
+            # few iterations: an effect that explains little, whose shape does not matter much
+            middle = [np.mean(tried, axis=0)] if iterations is not None else tried
+            tried = [self._most_promising(misfit, middle)]
         # Which start is the best one shows in the coarsest steps.
         coarse = self._misfit(candidate, 1, law) if len(tried) > 1 else misfit
         points = [self._start(coarse, x) for x in tried]
@@ -304,7 +306,7 @@ class Fitter:
             [one.is_strength and one.declared.prior == "normal" for one in candidate.parameters]
         )
         ends = candidate.limits()
-        plain = misfit.residual_at(np.where(strengths, 0.0, tried[0])).residual
+        plain = misfit.residual_without_neutral(np.where(strengths, 0.0, tried[0]))
         points: list[Point] = []
         for x in tried:
             point = misfit.residual_at(x)
@@ -469,9 +471,7 @@ class _ReadingMisfit:
 
     def residual_at(self, x: Array) -> Point:
         """Return residuals at x without slopes; an infinite cost where the model has no equilibrium."""
-        readings = self.fitter.readings
-        predictor = self.fitter.predictor.refined(self.parts)
-        residual = readings.values - readings.pack(predictor.evaluate(self.candidate.configs(x)).runs)
+        residual = self._residual(self.candidate.configs(x))
         lost = ~np.isfinite(residual)
         if lost.mean() > MOST_LOST:
             return Point(x, residual, np.inf)
@@ -479,6 +479,16 @@ class _ReadingMisfit:
         if self.whitener is not None:
             residual = self.whitener.apply(residual)
         return Point(x, residual, self._cost(x, residual))
+
+    def residual_without_neutral(self, x: Array) -> Array:
+        """Return (N,) residuals at x; effects with neutral strengths, which change nothing, are left out."""
+        residual = self._residual([one for one in self.candidate.configs(x) if not is_neutral(one)])
+        return residual if self.whitener is None else self.whitener.apply(residual)
+
+    def _residual(self, effects: Sequence[EffectConfig]) -> Array:
+        readings = self.fitter.readings
+        predictor = self.fitter.predictor.refined(self.parts)
+        return readings.values - readings.pack(predictor.evaluate(effects).runs)
 
     def whitened(self, point: _LinearPoint) -> _LinearPoint:
         """Return a point with the possible changes by the law's own error removed."""

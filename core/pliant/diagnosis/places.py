@@ -9,8 +9,10 @@ right one: what a kind could explain is counted with a strength of its own for e
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import START_SHARE, EffectSet
 from pliant.diagnosis.evidence_table import NOTHING, log_evidence
@@ -21,11 +23,14 @@ from pliant.diagnosis.excitation import (
     explained_by,
     explained_by_columns,
 )
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.search import HypothesisSearch
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.execution.executors import Executor
 from pliant.execution.jobs import JobQueue
 from pliant.interfaces.effect import AT
+from pliant.records.design import Array
 
 # Kinds whose places are tried: the first ones by the evidence of all places alike, and those that could explain this
 # share of what the best could, with a strength of its own for each output.
@@ -34,6 +39,8 @@ LEADING, LEAST_BY_OUTPUT = 2, 0.25
 MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
 # The same share where the change at one strength alone is looked at.
 LEAST_ALONE = 0.05
+# Runs in which that is looked at: those with this share of the squared error, and at least so many.
+MOST_LEFT, FEWEST_RUNS = 0.3, 3
 
 
 def kinds_at_places(
@@ -68,20 +75,76 @@ def kinds_at_places(
 
 
 def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: Executor) -> list[str]:
-    """Return the kinds at single places whose change at a usual strength is most like the residual."""
-    residual = search.fits[NOTHING].raw
-    asked = []
-    for kind in kinds:
-        alike, candidate = search.shown[kind.partition(AT)[0]], EffectSet.from_kinds(search.registry, (kind,))
-        x = alike.x.copy()
-        x[alike.place] *= START_SHARE
-        asked.append((candidate, x, search.fits[NOTHING].parts))
-    with JobQueue(executor, search.fitter.residual_from) as queue:
-        changes = [residual - one.unwrap() for one in queue.each(asked)]
-    gains = {kind: explained_by_columns(residual, c[:, None]) for kind, c in zip(kinds, changes, strict=True)}
+    """Return the kinds at single places whose change at a usual strength is most like the residual.
+
+    They are tried in the runs that hold most of the error; of each kind the likeliest place also with the strength that
+    the residual would need, since a large effect may change the readings in another way than a small one.
+    """
+    fitter, there = _where_most_is_left(search)
+    residual, parts = search.fits[NOTHING].raw[there], search.fits[NOTHING].parts
+
+    def changes(points: Sequence[_Point]) -> list[Array]:
+        asked = [(one.candidate, one.x, parts) for one in points]
+        with JobQueue(executor, fitter.residual_from) as queue:
+            return [residual - one.unwrap() for one in queue.each(asked)]
+
+    usual = [_usual(search, kind) for kind in kinds]
+    first = changes(usual)
+    gains = {
+        one.kind: explained_by_columns(residual, c[:, None]) for one, c in zip(usual, first, strict=True)
+    }
+    known = {one.kind: (one, c) for one, c in zip(usual, first, strict=True)}
+    ranked = sorted(gains, key=lambda kind: -gains[kind])
+    leading = list({kind.partition(AT)[0]: kind for kind in reversed(ranked)}.values())
+    stronger = [known[kind][0].scaled(known[kind][1], residual) for kind in leading]
+    for kind, change in zip(leading, changes(stronger), strict=True):
+        gains[kind] = explained_by_columns(residual, np.column_stack([known[kind][1], change]))
     least = LEAST_ALONE * max(gains.values(), default=0.0)
     likely = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
     return likely[:MOST_SCREENED]
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """An effect at a single place with a strength; `place` is that of the strength in x."""
+
+    kind: str
+    candidate: EffectSet
+    x: Array
+    place: int
+
+    def scaled(self, change: Array, residual: Array) -> _Point:
+        """Return the strength that the residual would need, by the change of this one."""
+        there = np.isfinite(change) & np.isfinite(residual)
+        square = float(change[there] @ change[there])
+        share = float(change[there] @ residual[there]) / square if square > 0.0 else 0.0
+        low, high = self.candidate.parameters[self.place].limits
+        x = self.x.copy()
+        x[self.place] = min(max(share * x[self.place], low), high)
+        return replace(self, x=x)
+
+
+def _usual(search: HypothesisSearch, kind: str) -> _Point:
+    """Return the effect at a usual strength, by that of all places alike."""
+    alike, candidate = search.shown[kind.partition(AT)[0]], EffectSet.from_kinds(search.registry, (kind,))
+    x = alike.x.copy()
+    x[alike.place] *= START_SHARE
+    return _Point(kind, candidate, x, alike.place)
+
+
+def _where_most_is_left(search: HypothesisSearch) -> tuple[Fitter, NDArray[np.bool_]]:
+    """Return a fitter of the runs that hold most of the unchanged model's error, and (N,) which readings are theirs."""
+    readings, measurement = search.readings, search.measurement
+    raw = search.fits[NOTHING].raw
+    squares = np.bincount(
+        readings.run, weights=np.where(np.isfinite(raw), raw, 0.0) ** 2, minlength=readings.n_runs
+    )
+    order = np.argsort(-squares)
+    enough = int(np.searchsorted(np.cumsum(squares[order]), MOST_LEFT * squares.sum())) + 1
+    chosen = np.sort(order[: max(enough, FEWEST_RUNS)])
+    part = replace(measurement, runs=tuple(measurement.runs[k] for k in chosen.tolist()))
+    own = ReadingVector.from_measurement(part, readings.outputs, readings.scales)
+    return Fitter(search.fitter.predictor.for_runs(part), own), np.isin(readings.run, chosen)
 
 
 def _explained_by_output(search: HypothesisSearch, kind: str) -> float:

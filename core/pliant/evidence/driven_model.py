@@ -45,6 +45,8 @@ SIGNALS = ("input", "output")
 OWN_NUMBERS = ("parameter", "state")
 # Samples at least in which steps of differences are chosen.
 FEWEST_STEPPED = 3
+# Samples in which a system may refuse an effect.
+CHECKED = 20
 # Change of an output with half the time step, over the noise, from which it is said.
 COARSE = 0.5
 # Share of the longest run in which steps of differences are chosen.
@@ -229,9 +231,10 @@ class DrivenModel(MeasuredModel):
         return Prediction(runs, failed_samples(runs))
 
     def check(self, effects: Sequence[EffectConfig]) -> None:
-        """Raise `UserError` for effects that this system refuses in the shortest run."""
+        """Raise `UserError` for effects that this system refuses at the beginning of the shortest run."""
         shortest = min(self.measurement.runs, key=len)
-        self.for_runs(replace(self.measurement, runs=(shortest,))).evaluate(effects)
+        begin = shortest.at(np.arange(min(CHECKED, len(shortest))))
+        self.for_runs(replace(self.measurement, runs=(begin,))).evaluate(effects)
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]

@@ -9,8 +9,8 @@ An effect that acts on the command of an actuator, u' = f(u), becomes
     supply_lag        dyntype filterexact with the time constant, for actuators without dynamics
     dead_time         delay, for actuators without one
 
-Gain and offset are exact. The others act between the samples of a recording as well, where the study draws straight
-lines, so that they agree to the spacing of the samples or to a step of the model.
+in its plain form. Gain and offset are exact. The others act between the samples of a recording as well, where the study
+draws straight lines, so that they agree to the spacing of the samples or to a step of the model.
 """
 
 from __future__ import annotations
@@ -48,7 +48,10 @@ def write_native(effect: Effect, scale: float, spec: Any, model: Any, name: str)
     """
     write = WRITES.get(type(effect))
     number = model.actuator(name).id
-    return write is not None and write(spec.actuator(name), effect, scale, spec, model, number)
+    plain = all(
+        getattr(effect.config, one.name) == one.neutral for one in type(effect.config).form_parameters()
+    )
+    return write is not None and plain and write(spec.actuator(name), effect, scale, spec, model, number)
 
 
 def is_exact(effect: Effect) -> bool:
@@ -112,7 +115,7 @@ def _saturation(one: Any, effect: Saturation, scale: float, spec: Any, model: An
 def _lag(one: Any, effect: InputLag, scale: float, spec: Any, model: Any, k: int) -> bool:
     config = effect.config
     static = int(model.actuator_dyntype[k]) == STATIC and model.actuator_actadr[k] < 0
-    if not static or model.nkey or config.release_ratio != 1.0 or config.time_s <= 0.0:
+    if not static or model.nkey or config.time_s <= 0.0:
         return False
     numbers = np.zeros(len(one.dynprm))
     numbers[0] = config.time_s
