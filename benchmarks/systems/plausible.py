@@ -1,8 +1,9 @@
 """The largest strength of each kind that a laboratory would meet; a set that needs more is not made.
 
 The numbers were written down after the 13 answers of the first runs, with the plugins' plausible ranges in view, and
-before any answer to a set made with them, from what robots of these sizes show: servo and harmonic drives, Bowden tendons, pneumatic supplies, encoders and cameras, and mistakes of mounting. A
-strength is in the unit of its equations: relative to what the system does without the effect, or in physical units.
+before any answer to a set made with them, from what robots of these sizes show: servo and harmonic drives, Bowden
+tendons, pneumatic supplies, encoders and cameras, and mistakes of mounting. A strength is in the unit of its equations:
+relative to what the system does without the effect, or in physical units.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import Any
 
 from pliant.errors import UserError
 from pliant_bench.loop.folder import ExperimentFolder
-from pliant_bench.loop.live import live_state, press_stop
+from pliant_bench.loop.live import LiveState, press_stop
 
 PAGE = "experiment.html"
 Answers = dict[str, Callable[[Mapping[str, Any]], Any]]
@@ -25,10 +25,9 @@ def experiment_folder(path: Path) -> ExperimentFolder:
 
 def reading(folder: ExperimentFolder) -> Answers:
     """Return the answers to the page's questions."""
+    state = LiveState(folder)
     return {
-        "state": lambda v: live_state(
-            folder, int(v.get("run", 0)), int(v.get("since", 0)), int(v.get("models", -1))
-        )
+        "state": lambda v: state.read(int(v.get("run", 0)), int(v.get("since", 0)), int(v.get("models", -1)))
     }
 
 

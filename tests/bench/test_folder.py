@@ -11,8 +11,8 @@ from tests.bench.plain_bench import PlainBench
 
 from pliant.errors import UserError
 from pliant_bench.bench import BenchProtocol, BenchSample
-from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, SampleLog
-from pliant_bench.loop.live import live_state, press_stop
+from pliant_bench.loop.folder import ExperimentFolder, GrowingColumns, RoundFolder, SampleLog, read_columns
+from pliant_bench.loop.live import LiveState, press_stop
 from pliant_bench.loop.perform import STOP_BUTTON, perform, record_from_samples
 from pliant_bench.watchdog import Expectation
 
@@ -119,10 +119,45 @@ def test_live_state_sends_only_new_samples(tmp_path: Path) -> None:
     folder, one = begun(tmp_path)
     one.write_expected(EXPECTED, protocol().time_s)
     perform(PlainBench(), one.read_protocol(), folder, one, [])
-    first = live_state(folder)["run"]
+    first = LiveState(folder).read()["run"]
     assert first["count"] == 40 and len(first["series"]["angle_rad"]) == 40
     plain, explained = first["models"]["outputs"]["angle_rad"]
     assert (plain["name"], explained["name"]) == ("the study's model", "with backlash")
     assert explained["sd"][0] == pytest.approx(math.degrees(0.1)) and np.isnan(plain["sd"]).all()
-    later = live_state(folder, run=1, since=30, models=0)["run"]
+    later = LiveState(folder).read(run=1, since=30, models=0)["run"]
     assert len(later["series"]["angle_rad"]) == 10 and "models" not in later
+
+
+def test_growing_columns_are_those_of_the_whole_file(tmp_path: Path) -> None:
+    path, text = tmp_path / "samples.csv", "index,angle_rad\n0,0.5\n1,\n2,-1e-3\n3,2\n"
+    growing = GrowingColumns(path)
+    assert growing.read() == {}
+    for end in (9, 18, 25, len(text)):  # within the head, a line, between two lines, all
+        path.write_text(text[:end])
+        np.testing.assert_equal(
+            {name: list(values) for name, values in growing.read().items()},
+            {name: values.tolist() for name, values in read_columns(path).items()},
+        )
+    np.testing.assert_equal(
+        dict(growing.read()), {"index": [0, 1, 2, 3], "angle_rad": [0.5, np.nan, -1e-3, 2]}
+    )
+    path.write_text("index,angle_rad\n7,8\n")
+    assert growing.read() == {"index": [7], "angle_rad": [8]}
+
+
+def test_a_viewer_that_stays_gets_each_sample_once(tmp_path: Path) -> None:
+    folder, one = begun(tmp_path)
+    live, have, run, series = LiveState(folder), 0, 0, []
+
+    def look(index: int) -> None:
+        nonlocal have, run
+        if index % 7 == 0:
+            now = live.read(run=run, since=have)["run"]
+            series.extend(now["series"].get("angle_rad", ()))
+            have, run = now["count"], now["number"]
+            assert have == index
+
+    recording = perform(PlainBench(before=look), one.read_protocol(), folder, one, [])
+    look_last = live.read(run=run, since=have)["run"]
+    series.extend(look_last["series"]["angle_rad"])
+    np.testing.assert_allclose(np.radians(series), recording.readings["angle_rad"])

@@ -13,7 +13,7 @@ from tests.bench.test_folder import begun, protocol
 from pliant_bench.bench import BenchProtocol, BenchRecording, RunStoppedError
 from pliant_bench.loop.decision import Ended
 from pliant_bench.loop.folder import ExperimentFolder
-from pliant_bench.loop.live import live_state
+from pliant_bench.loop.live import LiveState
 from pliant_bench.loop.perform import perform
 from pliant_bench.loop.report import experiment_document
 from pliant_bench.loop.rounds import run_minutes
@@ -98,6 +98,6 @@ def test_the_watchdog_leaves_the_motion_that_happened_in_folder_and_page(tmp_pat
     assert warned.sentence.startswith(
         "Run 1 was cut short after 1.9 of 3.9 s: pressure_pa went from 0 kPa to 1.9 kPa"
     )
-    shown = live_state(ExperimentFolder(tmp_path))["runs"][0]
+    shown = LiveState(ExperimentFolder(tmp_path)).read()["runs"][0]
     assert shown["words"].startswith("cut short after 1.9 of 3.9 s: pressure_pa went from 0 kPa to 1.9 kPa")
     assert shown["minutes"] == pytest.approx(run_minutes(one)) == pytest.approx(1.0 - 2.0 / 60.0)

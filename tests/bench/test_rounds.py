@@ -134,7 +134,9 @@ def test_the_last_run_is_a_control(whole: tuple[Path, Any, ExperimentFolder, int
         return now.controlled
 
     assert not controlled(len(rounds) - 1) and controlled(len(rounds))
-    assert not controlled(len(rounds), "unknown_effect")  # the control changed the verdict: the next one needs its own
+    assert not controlled(
+        len(rounds), "unknown_effect"
+    )  # the control changed the verdict: the next one needs its own
 
 
 @dataclass

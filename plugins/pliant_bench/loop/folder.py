@@ -21,8 +21,9 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -210,16 +211,40 @@ def write_columns(path: Path, columns: Mapping[str, Array]) -> None:
     write_atomically(path, table.getvalue())
 
 
+class GrowingColumns:
+    """Columns of a CSV of numbers to which a program appends: each call reads the lines that are new.
+
+    A blank cell is NaN. A last line without its end is read when it is complete.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._read_bytes = path, 0
+        self._columns: dict[str, list[float]] = {}
+
+    def read(self) -> Mapping[str, Sequence[float]]:
+        """Return all columns so far; none where the file does not exist or was begun anew with fewer lines."""
+        if not self._path.exists():
+            return {}
+        with self._path.open("rb") as file:
+            if file.seek(0, io.SEEK_END) < self._read_bytes:  # another program began it anew
+                self._read_bytes, self._columns = 0, {}
+            file.seek(self._read_bytes)
+            data = file.read()
+        whole = data[: data.rfind(b"\n") + 1]
+        self._read_bytes += len(whole)
+        rows = list(csv.reader(whole.decode().splitlines()))
+        if rows and not self._columns:
+            self._columns = {name: [] for name in rows.pop(0)}
+        for row in rows:
+            if len(row) == len(self._columns):
+                for column, cell in zip(self._columns.values(), row, strict=True):
+                    column.append(float(cell) if cell else math.nan)
+        return self._columns
+
+
 def read_columns(path: Path) -> dict[str, Array]:
     """Return the columns of a CSV of numbers; a blank cell is NaN, and a last line that was cut off is left out."""
-    text = path.read_text(encoding="utf-8")
-    lines = text[: text.rfind("\n") + 1].splitlines()
-    if not lines:
-        return {}
-    head, *rows = list(csv.reader(lines))
-    table = [[float(cell) if cell else np.nan for cell in row] for row in rows if len(row) == len(head)]
-    columns = np.array(table, float).reshape(len(table), len(head)).T
-    return dict(zip(head, columns, strict=True))
+    return {name: np.array(values, float) for name, values in GrowingColumns(path).read().items()}
 
 
 def write_recording(

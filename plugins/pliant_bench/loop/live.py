@@ -2,36 +2,60 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
+
+import numpy as np
 
 from pliant.formatting import output_unit
 from pliant_bench.loop.compared import FILE, ModelBand, read_bands
-from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, RoundFolder, read_columns, read_json
+from pliant_bench.loop.folder import OWN_COLUMNS, ExperimentFolder, GrowingColumns, RoundFolder, read_json
 
 MOST_HYPOTHESES = 8
 
 
-def live_state(folder: ExperimentFolder, run: int = 0, since: int = 0, models: int = -1) -> dict[str, Any]:
-    """Return what is being done, the samples that are new, and the verdicts so far.
+class LiveState:
+    """State of an experiment for its viewers; each state reads only what is new in the folder."""
 
-    Args:
-        folder: of the experiment.
-        run: number of the run that the viewer shows already.
-        since: number of samples of this run that the viewer has.
-        models: number of the diagnosis whose models of this run the viewer has; 0 for those that were expected.
-    """
-    rounds = folder.rounds()
-    shown = rounds[-1] if rounds else None
-    state: dict[str, Any] = {
-        "status": read_json(folder.path / "status.json"),
-        "stopping": folder.stop_file.exists(),
-        "runs": [_summary(one) for one in rounds],
-        "run": None,
-    }
-    if shown is not None:
-        is_known = shown.number == run
-        state["run"] = _run(shown, since if is_known else 0, models if is_known else -1)
-    return state
+    def __init__(self, folder: ExperimentFolder) -> None:
+        self.folder = folder
+        self._diagnosed: dict[int, dict[str, Any]] = {}
+        self._shown: _ShownRun | None = None
+        self._lock = threading.Lock()  # several viewers may ask
+
+    def read(self, run: int = 0, since: int = 0, models: int = -1) -> dict[str, Any]:
+        """Return what is being done, the samples that are new, and the verdicts so far.
+
+        Args:
+            run: number of the run that the viewer shows already.
+            since: number of samples of this run that the viewer has.
+            models: number of the diagnosis whose models of this run the viewer has; 0 for those that were expected.
+        """
+        with self._lock:
+            rounds = self.folder.rounds()
+            state: dict[str, Any] = {
+                "status": read_json(self.folder.path / "status.json"),
+                "stopping": self.folder.stop_file.exists(),
+                "runs": [self._summary(one) for one in rounds],
+                "run": None,
+            }
+            if rounds:
+                last = rounds[-1]
+                if self._shown is None or self._shown.folder.number != last.number:
+                    self._shown = _ShownRun(last)
+                is_known = last.number == run
+                state["run"] = self._shown.read(since if is_known else 0, models if is_known else -1)
+            return state
+
+    def _summary(self, folder: RoundFolder) -> dict[str, Any]:
+        """Return the summary of a run; that of a diagnosed run is read once."""
+        known = self._diagnosed.get(folder.number)
+        if known is not None:
+            return known
+        summary = _summary(folder)
+        if "verdict" in summary:
+            self._diagnosed[folder.number] = summary
+        return summary
 
 
 def press_stop(folder: ExperimentFolder) -> None:
@@ -62,32 +86,38 @@ def _summary(folder: RoundFolder) -> dict[str, Any]:
     return summary
 
 
-def _run(folder: RoundFolder, since: int, models: int) -> dict[str, Any]:
-    """Return the samples from `since` on and, unless the viewer has them, what the models read, in display units."""
-    protocol = folder.read_protocol()
-    samples = read_columns(folder.samples) if folder.samples.exists() else {}
-    names = [name for name in samples if name not in OWN_COLUMNS]
-    units = {name: output_unit(name) for name in (*names, *protocol.commands)}
-    run: dict[str, Any] = {
-        "number": folder.number,
-        "duration_s": protocol.duration_s,
-        "count": len(samples.get("index", ())),
-        "time_s": samples["read_s"][since:] if samples else [],
-        "late": samples["late"][since:] if samples else [],
-        "series": {name: units[name].factor * samples[name][since:] for name in names},
-        "axes": {name: {"label": unit.label, "unit": unit.symbol} for name, unit in units.items()},
-        "inputs": list(protocol.commands),
-    }
-    number = (folder.read(FILE) or {}).get("after_run", 0)
-    if number != models and (number or folder.read("expected") is not None):
-        run["models"] = {
-            "number": number,
-            "outputs": {
-                output: [_model(one, output_unit(output).factor) for one in bands]
-                for output, bands in read_bands(folder).items()
-            },
+class _ShownRun:
+    """The last run, with the samples that were read so far."""
+
+    def __init__(self, folder: RoundFolder) -> None:
+        self.folder, self.protocol = folder, folder.read_protocol()
+        self.samples = GrowingColumns(folder.samples)
+
+    def read(self, since: int, models: int) -> dict[str, Any]:
+        """Return the samples from `since` on and, unless the viewer has them, what the models read; display units."""
+        samples, protocol = self.samples.read(), self.protocol
+        names = [name for name in samples if name not in OWN_COLUMNS]
+        units = {name: output_unit(name) for name in (*names, *protocol.commands)}
+        run: dict[str, Any] = {
+            "number": self.folder.number,
+            "duration_s": protocol.duration_s,
+            "count": len(samples.get("index", ())),
+            "time_s": np.array(samples["read_s"][since:]) if samples else [],
+            "late": np.array(samples["late"][since:]) if samples else [],
+            "series": {name: units[name].factor * np.array(samples[name][since:]) for name in names},
+            "axes": {name: {"label": unit.label, "unit": unit.symbol} for name, unit in units.items()},
+            "inputs": list(protocol.commands),
         }
-    return run
+        number = (self.folder.read(FILE) or {}).get("after_run", 0)
+        if number != models and (number or self.folder.read("expected") is not None):
+            run["models"] = {
+                "number": number,
+                "outputs": {
+                    output: [_model(one, output_unit(output).factor) for one in bands]
+                    for output, bands in read_bands(self.folder).items()
+                },
+            }
+        return run
 
 
 def _model(band: ModelBand, factor: float) -> dict[str, Any]:
