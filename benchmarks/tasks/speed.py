@@ -75,7 +75,7 @@ HARD = {"contact_stiffness": 1e6, "contact_damping": 2e3, "contact_timestep": "0
 ENGINES: dict[str, dict[str, Any]] = {
     "quasistatic": {},
     "mujoco": {"joint_damping": 3e-3, **HARD},
-    "pybullet": {"joint_damping": 1e-3},
+    "pybullet": {"joint_damping": 1e-3, "contact_memory": 1e-5},
 }
 # Contacts of an object that is held, and the damping with which PyBullet's steps are not shorter than they need be.
 HANDS: dict[str, dict[str, Any]] = {

@@ -185,7 +185,7 @@ def _between(
             half = 2 * supply_m if own else 0.5 * _plate(left.loops, right.loops)
             low, high = start - half / 2, end + half / 2
             fills.append(_plate_between(left.loops, right.loops, (start - half, low), (high, end + half)))
-            notes.append(_plate_note(start, 2 * half, bool(own)))
+            notes.append(_plate_note(start, high - low if own else 2 * half, bool(own)))
         else:
             radius = next((p.radius_m for p in pieces[before + 1 : after] if p.radius_m), None)
             low, high = start, end
