@@ -52,7 +52,7 @@ MAIN, OTHER, BASELINE = "cmaes", "optuna", "baseline"
 SEARCH = EXAMPLES / "search.yaml"
 ASKED = (
     Asked(MAIN, "CMA-ES", SEARCH),
-    Asked(OTHER, "Optuna's TPE", SEARCH, (f"optimizer.kind={OTHER}",)),
+    Asked(OTHER, "Optuna's TPE", SEARCH, (f"optimizer={{kind: {OTHER}}}",)),
 )
 FEW = ("search.budget=12", "search.verify=null", "search.confirm=null")
 LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "conditions")
