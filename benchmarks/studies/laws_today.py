@@ -7,7 +7,6 @@ check of the search did, and the figures with those in docs/studies/gripper_code
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 
 from benchmarks.output import ROOT, make_parser
@@ -41,6 +40,7 @@ def main(args: Sequence[str] | None = None) -> None:
     winner = build_search_problem(opened.context, opened.study).apply(run["best"]["values"], 0)
     (solved,), _ = direct_studies(opened.context, [winner])
     (searched,), (direct,) = (build_study_laws(opened.context, one) for one in (winner, solved))
+    assert direct.fem is not None
     today, published = law_errors(searched.law.law, direct.fem.value), run["verified"]["laws"][0]
     print(f"{name}: {published['name']}")
     for key in KEYS:
@@ -50,4 +50,4 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

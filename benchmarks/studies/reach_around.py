@@ -107,6 +107,7 @@ def pose(opened: api.OpenStudy, arm: Study, fem: bool) -> dict[str, Any]:
     if fem:
         (alone,), _ = direct_studies(opened.context, [alone])
     run = simulate_study(opened.context, alone).engines[0].result
+    assert run is not None
     metrics = {name: value for name, value in run.metrics.items() if isinstance(value, float)}
     stated = {one.name: one.stated for one in problem.variables if one.stated is not None}
     (objective,) = problem.objective_values(stated, metrics)

@@ -20,7 +20,7 @@ NAMES = ("cmaes", "optuna")
 
 def printed_figures(made: PrintedSolid, arm: Study) -> dict[str, Any]:
     """Return the figures of an arm's solid; `stated_wall_m` is the thinnest that the families' parameters state."""
-    families = [one.family for one in segment_designs(arm) if one.family is not None]
+    families = [one.family for one in segment_designs(arm) if one is not None and one.family is not None]
     stated = min(stated_wall_m(one) for one in families)
     measured = min(wall.thickness_m for wall in made.module_walls.values())
     return {

@@ -129,6 +129,6 @@ def _scene(axes: Any, scene: Mapping[str, Any], across: int, up: int) -> None:
 PICTURES: Pictures = {"arms": arms}
 WORDS = {"arms": "The arms where they end, from the side and from above; target, post and shelf"}
 TABLES: Tables = {
-    make.__name__: make for make in (page.state, page.reached, runs, engines, laws, solids, best)
+    **{one.__name__: one for one in (page.state, page.reached, runs, engines, laws, solids, best)},
+    **page.shown_pictures("reach_around", PICTURES, WORDS),
 }
-TABLES |= page.shown_pictures("reach_around", PICTURES, WORDS)

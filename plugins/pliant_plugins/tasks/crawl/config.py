@@ -134,7 +134,8 @@ class CrawlConfig(TaskConfig):
         for name, one in self.gait.items():
             if self.waveform == "sine" and [one.rise, one.hold, one.fall] != plain:
                 raise ValueError(
-                    f"'rise', 'hold' and 'fall' of {name} are of a trapezoid; leave them out, or add 'waveform: trapezoid'"
+                    f"'rise', 'hold' and 'fall' of {name} are of a trapezoid; leave them out, or add "
+                    "'waveform: trapezoid'"
                 )
         return self
 
