@@ -9,7 +9,7 @@ PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip ins
 # Every command that a test runs would compile Pliant anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo app-demo test test-all fuzz metamorphic soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-tasks bench-evidence bench-real bench-files bench-install study-shape study-gripper docs freeze clean
+.PHONY: demo app-demo test test-all fuzz metamorphic soak mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-tasks bench-evidence bench-real bench-files bench-install study-shape study-gripper study-reach docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -128,6 +128,9 @@ study-shape: $(VENV)/.run  ## the published shape-matching study in full, resuma
 # `make study-gripper STUDY="--seed-grasps 3600"` makes the table over seeds at a quarter of the grasps.
 study-gripper: $(VENV)/.dev examples/gripper_codesign/gripper_grid.csv  ## the published co-design study: hours, most of them the table over seeds; resumable; writes docs/studies
 	$(BIN)/python -m benchmarks.studies.gripper_codesign --publish $(STUDY)
+
+study-reach: $(VENV)/.run  ## a three-chamber arm that reaches around, from FEM to a 3MF file; half an hour; resumable; writes docs/studies
+	$(BIN)/python -m benchmarks.studies.reach_around --publish $(STUDY)
 
 examples/gripper_codesign/gripper_grid.csv: | $(VENV)/.run  ## FEM of the designs behind its meta-model, where the table is missing
 	$(BIN)/python examples/gripper_codesign/make.py

@@ -107,14 +107,14 @@ def line(name: str, row: dict[str, Any]) -> str:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    options = make_parser(__doc__).parse_args(args)
+    make_parser(__doc__).parse_args(args)
     print(f"{'family':21} {'solid':6} {'faces':>7} {'volume':>9} {'wall':>9} {'mould':>9} cores")
     result = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in (*DESIGNS, MESH_FILE):
             result[name] = figures(case(name, Path(folder)))
             print(line(name, result[name]), flush=True)
-    write(options, "print_solids", result)
+    write("print_solids", result)
 
 
 if __name__ == "__main__":

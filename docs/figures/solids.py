@@ -1,10 +1,13 @@
-"""Draw docs/pictures/print_solids.png and print_moulds.png: solids cut open, and moulds: python docs/figures/solids.py
+"""Draw docs/pictures/print_solids.png, print_moulds.png and print_arm.png: python docs/figures/solids.py [--arm]
+
+Solids cut open, moulds, and the arm of docs/studies/reach_around.md (`--arm`: it alone).
 
 A depth buffer over triangles in parallel projection; each body has its own colour. Needs ngsolve for `mesh_file`.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,10 +19,13 @@ import numpy as np
 from benchmarks.print.designs import DESIGNS
 from benchmarks.print.solids import MESH_FILE, Case, case
 
+from pliant.api import open_study
 from pliant.records.design import Array
 from pliant_print.boolean import solid, surface
+from pliant_print.solids import PrintedSolid, printed_chain
 
 PICTURES = Path(__file__).parents[1] / "pictures"
+ARM = Path(__file__).parents[2] / "examples" / "three_chamber_arm" / "best.yaml"
 SIZE = 420
 LIGHT = np.array([0.35, -0.75, 0.55]) / np.linalg.norm([0.35, -0.75, 0.55])
 COLOURS = {
@@ -82,11 +88,9 @@ def drawn(bodies: Drawn, look: Array) -> Array:
     return image
 
 
-def cut_open(one: Case) -> Drawn:
+def cut_open(printed: PrintedSolid) -> Drawn:
     """Return the robot's bodies, the half y ≥ 0."""
-    return [
-        (body.name, solid(body.surface).trim_by_plane((0.0, 1.0, 0.0), 0.0)) for body in one.printed.bodies
-    ]
+    return [(body.name, solid(body.surface).trim_by_plane((0.0, 1.0, 0.0), 0.0)) for body in printed.bodies]
 
 
 def opened_mould(one: Case) -> Drawn:
@@ -118,7 +122,7 @@ def draw_grid(pictures: Mapping[str, Array], path: Path) -> None:
 def draw(cases: Sequence[Case]) -> None:
     """Draw both pictures."""
     draw_grid(
-        {one.name: drawn(cut_open(one), np.array([0.25, 1.0, 0.3])) for one in cases},
+        {one.name: drawn(cut_open(one.printed), np.array([0.25, 1.0, 0.3])) for one in cases},
         PICTURES / "print_solids.png",
     )
     draw_grid(
@@ -127,6 +131,26 @@ def draw(cases: Sequence[Case]) -> None:
     )
 
 
+def draw_arm() -> None:
+    """Draw the arm whole, cut open, and its middle cut open: the piece between both segments."""
+    opened = open_study(ARM)
+    printed = printed_chain(opened.context, opened.study)
+    half = cut_open(printed)
+    segments = opened.study.need("chain", "a picture").as_segments()
+    middle = 10.0 * (segments[0].modules or 0) + 3.0  # mm
+    near = [
+        (name, body.trim_by_plane((1.0, 0.0, 0.0), middle - 15).trim_by_plane((-1.0, 0.0, 0.0), -middle - 15))
+        for name, body in half
+    ]
+    look = np.array([0.15, 1.0, 0.2])
+    whole = [(body.name, solid(body.surface)) for body in printed.bodies]
+    pictures = {"the arm": whole, "cut open": half, "between the segments": near}
+    draw_grid({name: drawn(bodies, look) for name, bodies in pictures.items()}, PICTURES / "print_arm.png")
+
+
 if __name__ == "__main__":
+    draw_arm()
+    if "--arm" in sys.argv:
+        sys.exit()
     with tempfile.TemporaryDirectory() as place:
         draw([case(name, Path(place)) for name in (*DESIGNS, MESH_FILE)])

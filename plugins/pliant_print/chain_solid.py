@@ -9,35 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
 from pliant.records.shape import TriangleMesh
 from pliant_print.boolean import MM, cylinder, library, solid, surface, united
+from pliant_print.ducts import ducts, section_openings, supply
 from pliant_print.loops import Loop, deepest_point, end_loops, merged, on_plane, prism, reversed_loop
 from pliant_print.module_solid import BODY, LINKS, ModuleSolid
+from pliant_print.pieces import StackedPiece, module_pose
 
 MATCH = 2e-3  # of the size: ends whose lines are nearer than this continue each other
 STEP_M = 1e-6  # by which a cut reaches beyond a face
-DUCT = 0.6  # of the largest circle in an opening: radius of a duct between openings that do not meet
-
-
-@dataclass(frozen=True, eq=False)
-class StackedPiece:
-    """Equal modules in a row, or a rigid piece (`module` is None), from `start_m` on along the chain's centre line.
-
-    `rotation_rad` is about the centre line, relative to the base; `radius_m` that of a rigid rod.
-    """
-
-    module: ModuleSolid | None
-    count: int
-    rotation_rad: float
-    start_m: float
-    length_m: float
-    radius_m: float | None = None
-
-    @property
-    def end_m(self) -> float:
-        return self.start_m + self.count * self.length_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +43,13 @@ class ChainSolid:
         start_m, end_m: of the modules along the centre line; outside are rigid pieces at the ends.
         length_m: of the centre line.
         first, first_pose: the first module of the chain; its rotation and position.
+        last, last_pose: the last one.
         soft: the material of caps, flange and plates.
         notes: what was added or could not be made, in sentences.
         joined_m3: volume of rigid pieces and plates between the modules, less their ducts.
         tendons: ends of the straight lines of tendon holes.
         ribbons: bands that the FEM has by width and stiffness alone.
+        supplies: channels (mm) to cavities whose input is not that of the cavity before them.
     """
 
     bodies: Mapping[str, Any]
@@ -77,23 +60,21 @@ class ChainSolid:
     length_m: float
     first: ModuleSolid
     first_pose: tuple[Array, Array]
+    last: ModuleSolid
+    last_pose: tuple[Array, Array]
     notes: tuple[str, ...] = ()
     joined_m3: float = 0.0
     tendons: tuple[tuple[Array, Array], ...] = ()
     ribbons: tuple[Band, ...] = ()
     soft: str = BODY
+    supplies: tuple[Any, ...] = ()
 
 
-def module_pose(piece: StackedPiece, number: int) -> tuple[Array, Array]:
-    """Return rotation and position of a module's frame in the frame of the base."""
-    assert piece.module is not None
-    rotation = exp_map(np.array([piece.rotation_rad, 0.0, 0.0]))
-    centre = np.array([piece.start_m + (number + 0.5) * piece.length_m, 0.0, 0.0])
-    return rotation, centre - rotation @ np.array([0.0, 0.0, piece.module.offset_m])
+def chain_solid(pieces: Sequence[StackedPiece], supply_m: float = 2.5e-3) -> ChainSolid:
+    """Return the chain of pieces; ends that do not continue each other get a plate with ducts between them.
 
-
-def chain_solid(pieces: Sequence[StackedPiece]) -> ChainSolid:
-    """Return the chain of pieces; ends that do not continue each other get a plate with a duct between them."""
+    Cavities with different inputs are closed toward each other; the farther one gets a channel, `supply_m` wide.
+    """
     runs = [_run(piece) for piece in pieces]
     bodies: dict[str, list[Any]] = {}
     fem: dict[str, float] = {}
@@ -104,7 +85,7 @@ def chain_solid(pieces: Sequence[StackedPiece]) -> ChainSolid:
             assert piece.module is not None
             fem[name] = fem.get(name, 0.0) + piece.count * piece.module.volumes_m3[name]
             own[name] = own.get(name, 0.0) + float(body.volume()) * 1e-9
-    fills, cuts, notes = _between(pieces, runs)
+    fills, cuts, supplies, notes = _between(pieces, runs, supply_m)
     made = {name: united(parts) for name, parts in bodies.items()}
     soft = BODY if BODY in made else next(iter(made))
     before = sum(float(body.volume()) for body in made.values())
@@ -117,8 +98,9 @@ def chain_solid(pieces: Sequence[StackedPiece]) -> ChainSolid:
     for cut in cuts:
         made = {name: body - cut for name, body in made.items()}
     added = 1e-9 * (sum(float(body.volume()) for body in made.values()) - before)
-    first = next(piece for piece in pieces if piece.module is not None)
-    assert first.module is not None
+    soft_pieces = [piece for piece in pieces if piece.module is not None]
+    first, last = soft_pieces[0], soft_pieces[-1]
+    assert first.module is not None and last.module is not None
     every = dict.fromkeys(note for piece in pieces if piece.module for note in piece.module.notes)
     tendons = tuple(line for piece in pieces for line in _tendon(piece))
     return ChainSolid(
@@ -126,15 +108,18 @@ def chain_solid(pieces: Sequence[StackedPiece]) -> ChainSolid:
         fem,
         own,
         first.start_m,
-        next(piece.end_m for piece in reversed(pieces) if piece.module is not None),
+        last.end_m,
         pieces[-1].end_m,
         first.module,
         module_pose(first, 0),
+        last.module,
+        module_pose(last, last.count - 1),
         (*every, *notes),
         added,
         tendons,
         tuple(band for piece in pieces for band in _bands(piece)),
         soft,
+        tuple(supplies),
     )
 
 
@@ -178,59 +163,75 @@ def section_loops(bodies: Mapping[str, Any], x_m: float, side: int) -> list[Loop
 
 
 def _between(
-    pieces: Sequence[StackedPiece], runs: Sequence[Mapping[str, Any]]
-) -> tuple[list[Any], list[Any], list[str]]:
-    """Return solids that fill rigid pieces and turned joints, solids to cut out for air, and sentences."""
+    pieces: Sequence[StackedPiece], runs: Sequence[Mapping[str, Any]], supply_m: float
+) -> tuple[list[Any], list[Any], list[Any], list[str]]:
+    """Return solids that fill rigid pieces and joints, solids to cut out for air, channels, and sentences."""
     fills: list[Any] = []
     cuts: list[Any] = []
+    supplies: list[Any] = []
     notes: list[str] = []
     at = [number for number, piece in enumerate(pieces) if piece.module is not None]
     for before, after in itertools.pairwise(at):
-        left, right = (
-            section_loops(runs[before], pieces[before].end_m, 1),
-            section_loops(runs[after], pieces[after].start_m, -1),
-        )
-        start, end = pieces[before].end_m, pieces[after].start_m
-        if end - start < 1e-9 and _continue(left, right):
+        one, other = pieces[before], pieces[after]
+        left = section_openings(one, section_loops(runs[before], one.end_m, 1))
+        right = section_openings(other, section_loops(runs[after], other.start_m, -1))
+        both = [name for name in one.inputs if name in left.holes and name in right.holes]
+        own = [name for name in both if one.inputs[name] != other.inputs[name]]
+        start, end = one.end_m, other.start_m
+        touch = end - start < 1e-9
+        if touch and not own and _continue(left.loops, right.loops):
             continue
-        module = pieces[before].module
-        assert module is not None
-        if end - start < 1e-9:
-            half = 0.5 * _plate(left, right)
-            start, end = start - half, end + half
-            notes.append(
-                f"At {1e3 * pieces[before].end_m:.4g} mm the sections do not continue each other; a plate of "
-                f"{2e3 * half:.3g} mm with a duct joins them, which the chain model does not have."
-            )
-            hollow = [
-                prism([reversed_loop(one)], a, b)
-                for loops, a, b in (
-                    (left, start - STEP_M, pieces[before].end_m - half / 2),
-                    (right, pieces[after].start_m + half / 2, end + STEP_M),
-                )
-                for one in loops
-                if one.is_hole
-            ]
-            plate = _hull(left, right, start, end)
-            for part in hollow:
-                plate = plate - solid(part)
-            fills.append(plate)
-            low, high = pieces[before].end_m - 0.6 * half, pieces[before].end_m + 0.6 * half
+        if touch:
+            half = 2 * supply_m if own else 0.5 * _plate(left.loops, right.loops)
+            low, high = start - half / 2, end + half / 2
+            fills.append(_plate_between(left.loops, right.loops, (start - half, low), (high, end + half)))
+            notes.append(_plate_note(start, high - low if own else 2 * half, bool(own)))
         else:
             radius = next((p.radius_m for p in pieces[before + 1 : after] if p.radius_m), None)
-            body = (
-                _hull(left, right, start, end)
+            low, high = start, end
+            fills.append(
+                _hull(left.loops, right.loops, start, end)
                 if radius is None
                 else cylinder([start, 0, 0], [end, 0, 0], radius)
             )
-            fills.append(body)
             notes.append(
-                f"The rigid piece from {1e3 * start:.4g} to {1e3 * end:.4g} mm is a solid block of the body's material "
-                "with a duct for the air."
+                f"The rigid piece from {1e3 * start:.4g} to {1e3 * end:.4g} mm is a solid block of the body's "
+                f"material{'' if own else ' with a duct for the air'}."
             )
-            low, high = start - 1e-6, end + 1e-6
-        cuts += _ducts(left, right, low, high)
-    return fills, cuts, notes
+        reach = 0.1 * (high - low) if touch else STEP_M
+        cuts += ducts(left, right, low - reach, high + reach, own)
+        supplies += [supply(right, name, low, high + reach, supply_m) for name in own]
+        if own:
+            names = ", ".join(other.inputs[name] for name in own)
+            notes.append(
+                f"{names}: closed toward the modules before {1e3 * other.start_m:.4g} mm; each has a channel from "
+                f"{'the bore' if right.bores else 'the outside'}, for a tube."
+            )
+    return fills, cuts, supplies, notes
+
+
+def _plate_note(at_m: float, thick_m: float, closes: bool) -> str:
+    why = "inputs differ" if closes else "sections do not continue each other"
+    what = "closes the cavities" if closes else "with a duct joins them"
+    return (
+        f"At {1e3 * at_m:.4g} mm the {why}; a plate of {1e3 * thick_m:.3g} mm {what}, which the chain model does "
+        "not have."
+    )
+
+
+def _plate_between(
+    left: Sequence[Loop], right: Sequence[Loop], before: tuple[float, float], after: tuple[float, float]
+) -> Any:
+    """Return a plate that reaches into both ends, with their openings up to its middle part."""
+    plate = _hull(left, right, before[0], after[1])
+    for loops, (a, b) in (
+        (left, (before[0] - STEP_M, before[1])),
+        (right, (after[0], after[1] + STEP_M)),
+    ):
+        for one in loops:
+            if one.is_hole:
+                plate = plate - solid(prism([reversed_loop(one)], a, b))
+    return plate
 
 
 def _plate(left: Sequence[Loop], right: Sequence[Loop]) -> float:
@@ -263,18 +264,6 @@ def _hull(left: Sequence[Loop], right: Sequence[Loop], start: float, end: float)
     points = np.concatenate([one.points_m for one in (*left, *right) if not one.is_hole])
     corners = np.concatenate([np.column_stack([np.full(len(points), x), points]) for x in (start, end)])
     return library().Manifold.hull_points(MM * corners)
-
-
-def _ducts(left: Sequence[Loop], right: Sequence[Loop], low: float, high: float) -> list[Any]:
-    """Return a duct for each pair of openings: the hull of a disc in either."""
-    pairs = zip([one for one in left if one.is_hole], [one for one in right if one.is_hole], strict=False)
-    made = []
-    for a, b in pairs:
-        (p, p_radius), (q, q_radius) = deepest_point(reversed_loop(a)), deepest_point(reversed_loop(b))
-        radius = DUCT * min(p_radius, q_radius)
-        first, second = (cylinder([low, *p], [high, *p], radius), cylinder([low, *q], [high, *q], radius))
-        made.append((first + second).hull())
-    return made
 
 
 def _line(piece: StackedPiece, y_m: float, z_m: float) -> tuple[Array, Array]:

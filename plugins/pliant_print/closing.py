@@ -41,7 +41,7 @@ class ClosedChain:
         ends: its ends before closing.
         inlets: of the flange.
         cap_m, flange_m: thicknesses; the flange begins at x = −flange.
-        removed_m3: volume of the modules that bands and tendon holes take, which the FEM does not know.
+        removed_m3: volume between the ends that bands, tendon holes and channels take, which the FEM does not know.
         notes: sentences.
     """
 
@@ -75,6 +75,10 @@ def closed_chain(chain: ChainSolid, config: SolidConfig, wall_m: float) -> Close
         within = _between(bodies[host], chain.start_m, chain.end_m)
         removed += 1e-9 * float((within ^ hole).volume())
         bodies[host] = bodies[host] - hole
+    for channel in chain.supplies:
+        within = _between(bodies[host], chain.start_m, chain.end_m)
+        removed += 1e-9 * float((within ^ channel).volume())
+        bodies[host] = bodies[host] - channel
     if chain.tendons:
         notes.append(f"The tendon runs in a hole of {1e3 * config.tendon_bore_m:.3g} mm through every link.")
     band = _bands(chain, config, cap_m, ends, inlets)

@@ -160,6 +160,11 @@ def export_mould(session: Session, study: Study, out: Path, protocol: bool) -> N
     """Write the mould of the study's chain into a folder, with its bill, and print how to cast."""
     context = session.context()
     chain, walls, closing, density = chain_with_settings(context, study)
+    if chain.supplies:
+        raise UserError(
+            "segments with inputs of their own are closed toward each other and have no core through the base; cast "
+            "each segment by itself, or print the robot (--out robot.3mf)."
+        )
     config: MouldConfig = study.block("mould") or MouldConfig()
     cap_m = tip_cap_m(chain, closing, min(wall.thickness_m for wall in walls.values()))
     made = mould(chain, config, closing, cap_m)

@@ -93,14 +93,14 @@ def chain_with_settings(
 ) -> tuple[ChainSolid, dict[str, Wall], SolidConfig, dict[str, float]]:
     """Return the chain's modules as solids, their thinnest walls, the closing parts, and densities by material."""
     pieces = study_pieces(context, study)
-    chain = chain_solid(pieces)
+    config = study.block("solid") or SolidConfig()
+    chain = chain_solid(pieces, config.inlet_bore_m)
     walls: dict[str, Wall] = {}
     modules: list[ModuleSolid] = list({id(p.module): p.module for p in pieces if p.module}.values())
     for module in modules:
         for name, wall in module_walls(module).items():
             if name not in walls or wall.thickness_m < walls[name].thickness_m:
                 walls[name] = wall
-    config = study.block("solid") or SolidConfig()
     return chain, walls, config, densities(context, study, chain.first)
 
 

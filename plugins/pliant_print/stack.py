@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from pliant.config.chain import ChainConfig
+from pliant.config.chain import ActuatorConfig, ChainConfig
 from pliant.config.study import Study
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.pipeline.segments import segment_designs
 from pliant.pipeline.workbench import RunContext
-from pliant_print.chain_solid import StackedPiece
 from pliant_print.module_solid import ModuleSolid, module_solid
+from pliant_print.pieces import StackedPiece
 
 
 def study_refinement(study: Study) -> int:
@@ -39,17 +41,29 @@ def study_pieces(context: RunContext, study: Study) -> list[StackedPiece]:
         else:
             module = _module(context, study, design, made)
             like = module.length_m
-            piece = StackedPiece(module, segment.modules or 1, segment.rotation_rad, position, like)
-        last = pieces[-1] if pieces else None
-        same = last is not None and last.module is piece.module and last.rotation_rad == piece.rotation_rad
-        if last is not None and same and piece.module is not None:
-            pieces[-1] = StackedPiece(
-                last.module, last.count + piece.count, last.rotation_rad, last.start_m, last.length_m
+            inputs = cavity_inputs(module, segment.actuators or chain.actuators)
+            piece = StackedPiece(
+                module, segment.modules or 1, segment.rotation_rad, position, like, None, inputs
             )
+        last = pieces[-1] if pieces else None
+        if last is not None and piece.module is not None and _alike(last, piece):
+            pieces[-1] = replace(last, count=last.count + piece.count)
         else:
             pieces.append(piece)
         position = pieces[-1].end_m
     return pieces
+
+
+def cavity_inputs(module: ModuleSolid, actuators: Sequence[ActuatorConfig]) -> dict[str, str]:
+    """Return the input of each cavity: of several in the order of the actuators, of one that of all of them."""
+    names = [one.input for one in actuators]
+    if len(names) == len(module.cavities):
+        return dict(zip(module.cavities, names, strict=True))
+    return {name: " ".join(names) or name for name in module.cavities}
+
+
+def _alike(one: StackedPiece, other: StackedPiece) -> bool:
+    return (one.module, one.rotation_rad, one.inputs) == (other.module, other.rotation_rad, other.inputs)
 
 
 def _module(context: RunContext, study: Study, design: Any, made: dict[str, ModuleSolid]) -> ModuleSolid:

@@ -88,19 +88,18 @@ def _components(whole: TriangleMesh, sides: Mask) -> tuple[IntArray, int]:
 def _named(
     whole: TriangleMesh, label: IntArray, outer: int, chain: ChainSolid, size: float
 ) -> dict[int, str]:
-    """Return the names of the walls that are not the outer skin, from the first module's cavities."""
-    rotation, position = chain.first_pose
-    sides = label != outer
-    numbers = np.unique(label[sides])
+    """Return the names of the walls that are not the outer skin, from the cavities of the first and the last module."""
+    numbers = np.unique(label[label != outer])
     found: dict[int, str] = {}
-    for name, points in chain.first.cavities.items():
-        tree = cKDTree(points @ rotation.T + position)
-        for number in numbers.tolist():
-            if number in found:
-                continue
-            distance, _ = tree.query(whole.vertices_m[label == number])
-            if distance.min() < NEAR * size:
-                found[number] = name
+    for module, (rotation, position) in ((chain.first, chain.first_pose), (chain.last, chain.last_pose)):
+        for name, points in module.cavities.items():
+            tree = cKDTree(points @ rotation.T + position)
+            for number in numbers.tolist():
+                if number in found:
+                    continue
+                distance, _ = tree.query(whole.vertices_m[label == number])
+                if distance.min() < NEAR * size:
+                    found[number] = name
     return found
 
 

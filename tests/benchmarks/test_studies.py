@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.output import Bar, ratio
-from benchmarks.studies import gripper_bars, gripper_codesign, gripper_page, shape_matching, shape_page
+from benchmarks.studies import (
+    gripper_bars,
+    gripper_codesign,
+    gripper_page,
+    reach_around,
+    reach_bars,
+    reach_page,
+    shape_matching,
+    shape_page,
+)
 from benchmarks.studies.command import (
     Given,
     Parts,
@@ -130,7 +139,10 @@ def test_the_page_has_the_numbers_in_the_json(small: tuple[Given, dict[str, Any]
     assert "| ≤ 1.5 mm | 1.6 mm | **missed** |" in marks(rendered(text, shape_page.TABLES, missed))["reached"]
 
 
-@pytest.mark.parametrize("name, tables", [("shape_matching", shape_page), ("gripper_codesign", gripper_page)])
+@pytest.mark.parametrize(
+    "name, tables",
+    [("shape_matching", shape_page), ("gripper_codesign", gripper_page), ("reach_around", reach_page)],
+)
 def test_pages_without_a_result_hold_no_figures(name: str, tables: Any) -> None:
     found = marks(read_page(name))
     assert set(found) == set(tables.TABLES)
@@ -383,3 +395,37 @@ def test_an_interrupted_study_says_so(capsys: Any) -> None:
 
     assert run_command(stopped) == 130
     assert "same command" in capsys.readouterr().err
+
+
+def reaching(objective: float, wall_error: float = 0.002, worst: float = 0.01) -> dict[str, Any]:
+    """Return a winner of the arm's study as a part has it."""
+    solid = {"watertight": True, "crossings": 0, "volume_error": -0.002, "wall_error": wall_error}
+    return {
+        "reached_objective": objective,
+        "printed": solid,
+        "verified": {"laws": [{"worst_of_range": worst}]},
+    }
+
+
+def test_the_bars_of_the_arm_compare_with_the_hand_made_one() -> None:
+    runs = {"cmaes": reaching(7.9), "optuna": reaching(8.1, wall_error=0.02, worst=0.04)}
+    found = reach_bars.bars({"runs": runs, "baseline": {"reached_objective": 10.0}})
+    met = {bar.what: bar.met for bar in found}
+    assert [met[key] for key in met if key.startswith("cmaes")] == [True] * 5
+    assert [met[key] for key in met if key.startswith("optuna")] == [False, False, True, True, False]
+    assert all(bar.met is None for bar in reach_bars.bars({"runs": {}, "baseline": None}))
+
+
+@pytest.mark.slow
+def test_the_small_study_of_the_arm_begins_at_the_hand_made_one(tmp_path: Path) -> None:
+    given = Given(
+        "reach_around", small=True, workers=1, quiet=True, out=tmp_path / "out", store=tmp_path / "store",
+        overrides=("search.budget=3", "meta_model.folds=2"),
+    )  # fmt: skip
+    result = reach_around.study(given)
+    base = result["baseline"]["reached_objective"]
+    for run in result["runs"].values():
+        assert run["reached_objective"] == pytest.approx(run["objective"], rel=1e-6)
+        assert run["reached_objective"] <= base * (1 + 1e-9)
+        assert np.array(run["markers_m"]).shape[1] == 3
+    assert reach_page.arms(result) is not None

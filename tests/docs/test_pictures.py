@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from benchmarks.studies import gripper_page, shape_page
+from benchmarks.studies import gripper_page, reach_page, shape_page
 from benchmarks.studies.page import DOCS, MARK, VALUE, rendered, with_noted
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,7 +33,8 @@ def test_every_picture_has_a_script_or_a_named_report() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "page"), [("shape_matching", shape_page), ("gripper_codesign", gripper_page)]
+    ("name", "page"),
+    [("shape_matching", shape_page), ("gripper_codesign", gripper_page), ("reach_around", reach_page)],
 )
 def test_numbers_in_a_study_text_come_from_its_json(name: str, page: ModuleType) -> None:
     text = (DOCS / f"{name}.md").read_text(encoding="utf-8")

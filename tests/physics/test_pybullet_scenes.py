@@ -144,3 +144,9 @@ def test_a_failed_build_leaves_no_client() -> None:
         simulation.push(0, np.array([OBJECT_KG, 0.0, 0.0]))
         simulation.step(0.1)
         assert simulation.snapshot().velocities[0, 0] == pytest.approx(0.1, rel=1e-6)
+
+
+def test_bullet_s_own_contact_memory_is_no_part_of_a_study_s_key() -> None:
+    assert PybulletConfig().canonical() == PybulletConfig(contact_memory=0.02).canonical()
+    assert "contact_memory" not in PybulletConfig().canonical()
+    assert PybulletConfig(contact_memory=1e-5).canonical()["contact_memory"] == 1e-5

@@ -98,6 +98,35 @@ chain:
 """
 
 
+def chambers(*numbers: int) -> str:
+    return ", ".join(f"{{input: pressure_{k}_pa}}" for k in numbers)
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_segments_with_inputs_of_their_own_are_closed_toward_each_other(tmp_path, rigid):
+    block = "    - {rigid: {length: 6 mm}}\n" if rigid else ""
+
+    def closed(*second: int):
+        segments = f"    - {{modules: 1, actuators: [{chambers(1, 2, 3)}]}}\n{block}"
+        segments += f"    - {{modules: 1, actuators: [{chambers(*second)}]}}\n"
+        text = study_text("three_chamber").replace(
+            "chain: {modules: 3}\n", f"chain:\n  segments:\n{segments}"
+        )
+        (tmp_path / "study.yaml").unlink(missing_ok=True)
+        one = opened(tmp_path, text)
+        config = SolidConfig(inlet_bore_m=1.5e-3)
+        return closed_chain(chain_solid(study_pieces(one.context, one.study), 1.5e-3), config, 1.5e-3)
+
+    own, shared = closed(4, 5, 6), closed(1, 2, 3)
+    assert len(own.chain.supplies) == 3 and not shared.chain.supplies
+    assert sum("from the bore" in note for note in own.notes) == 1
+    for made in (own, shared):
+        assert modules_volume_m3(made) == pytest.approx(sum(made.chain.fem_volumes_m3.values()), rel=5e-3)
+        assert check_surface(surface(made.bodies["body"])).sound
+        # Screw holes and the bore; each chamber is a pocket with one opening. Were both joined, it would be a passage.
+        assert made.bodies["body"].genus() == SolidConfig().screws + 1
+
+
 def test_turned_segments_are_joined_by_a_plate_with_a_duct(tmp_path):
     text = study_text("bellow_bending").replace("chain: {modules: 3}\n", TURNED)
     one = opened(tmp_path, text)

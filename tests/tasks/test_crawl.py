@@ -267,7 +267,8 @@ def test_waveforms_meet_their_levels() -> None:
     clock = np.array([0.1, 0.2, 0.3, 0.5, 0.6, 0.65, 0.7, 0.9, 1.1, -0.9])
     flat = crawl(**gait, waveform="trapezoid").config.gait["pressure_pa"].at(clock, "trapezoid")
     np.testing.assert_allclose(flat, 1e3 * np.array([1, 3, 5, 5, 5, 3, 1, 1, 1, 1]), atol=1e-6)
-    sine = crawl(**gait).config.gait["pressure_pa"].at(np.array([0.1, 0.35, 0.6]), "sine")
+    plain = {"pressure_pa": {name: keys[name] for name in ("low", "high", "phase")}}
+    sine = crawl(gait=plain).config.gait["pressure_pa"].at(np.array([0.1, 0.35, 0.6]), "sine")
     np.testing.assert_allclose(sine, [1e3, 3e3, 5e3], atol=1e-6)
 
 
@@ -276,6 +277,7 @@ def test_waveforms_meet_their_levels() -> None:
     [
         ({"gait": {"pressure_1_pa": {"low": "2 kPa", "high": "1 kPa"}}}, "'low' is above 'high'"),
         ({"gait": {"pressure_1_pa": {"high": "1 kPa", "rise": 0.6, "hold": 0.5}}}, "shares of one period"),
+        ({"gait": {"pressure_1_pa": {"high": "1 kPa", "rise": 0.3}}}, "add 'waveform: trapezoid'"),
         ({"gait": {}}, "at least 1 item"),
         ({"direction": [0, 0, 1]}, "'direction' is horizontal"),
         ({"body": {"box": ["0 mm", "1 mm", "1 mm"], "mass": "1 g"}}, "edges of a 'box' are above 0"),

@@ -78,8 +78,7 @@ def test_engines_agree_on_the_holding_force(finger: ChainModel, kind: str) -> No
     task = push(levels=1, ramp_time="1 s", hold_time="3 s", distances=["0 mm", "2 mm"])
     still, moved = (run(task, finger, name).metrics for name in ("quasistatic", kind))
     assert moved["holding_force_n"] == pytest.approx(still["holding_force_n"], rel=0.01)
-    if kind == "mujoco":  # differences of forces show PyBullet's margins of contact
-        assert moved["stiffness_n_per_m"] == pytest.approx(still["stiffness_n_per_m"], rel=0.02)
+    assert moved["stiffness_n_per_m"] == pytest.approx(still["stiffness_n_per_m"], rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ STIFF = {
 ENGINES: dict[str, dict[str, Any]] = {
     "quasistatic": {},
     "mujoco": STIFF,
-    "pybullet": {"joint_damping": 1e-3},
+    "pybullet": {"joint_damping": 1e-3, "contact_memory": 1e-5},
 }
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from pliant.interfaces.physics import PhysicsConfig
-from pliant.units import Time
+from pliant.units import Ratio, Time
+
+BULLET_MEMORY = 0.02  # Bullet's own
 
 
 class PybulletConfig(PhysicsConfig):
@@ -46,3 +48,14 @@ class PybulletConfig(PhysicsConfig):
         True, description="contacts in a scene remember where they began to stick and are pulled back there"
     )
     solver_iterations: int = Field(50, ge=1, description="iterations of the contact solver at every step")
+    contact_memory: Ratio = Field(
+        BULLET_MEMORY,
+        gt=0.0,
+        description="Bullet's contact breaking threshold: how far, as a share of a shape's size, bodies may slide "
+        "before a stored contact point is dropped. Until then the force acts at the old point: 1e-5 where bodies roll "
+        "or slide slowly on each other",
+    )
+
+    def canonical(self) -> dict[str, Any]:
+        """Return the JSON values, without the default memory, so that keys of earlier studies stay equal."""
+        return {k: v for k, v in super().canonical().items() if (k, v) != ("contact_memory", BULLET_MEMORY)}

@@ -204,6 +204,8 @@ class BulletScene(ArmsScene):
             self._stable_until = self._time_s + STABLE_FOR_S
         n_steps = max(1, math.ceil(duration_s / min(self._config.timestep_s, self._stable_s) - 1e-9))
         self.client.setTimeStep(duration_s / n_steps)
+        # One number for all clients of the process.
+        self.client.setPhysicsEngineParameter(contactBreakingThreshold=self._config.contact_memory)
         self._move_bases()
         client, origin = self.client, [0.0, 0.0, 0.0]
         for k in range(n_steps):

@@ -17,6 +17,7 @@ from pliant.records.design import Array
 from pliant.units import Length, Mass, Ratio, Time
 
 Waveform = Literal["sine", "trapezoid"]
+TRAPEZOID = ("rise", "hold", "fall")
 
 
 class InputGaitConfig(FrozenModel):
@@ -126,6 +127,17 @@ class CrawlConfig(TaskConfig):
         gt=0,
         description="of capsules about the chain's pieces, which then collide instead of its own shapes",
     )
+
+    @model_validator(mode="after")
+    def _trapezoids(self) -> CrawlConfig:
+        plain = [InputGaitConfig.model_fields[name].default for name in TRAPEZOID]
+        for name, one in self.gait.items():
+            if self.waveform == "sine" and [one.rise, one.hold, one.fall] != plain:
+                raise ValueError(
+                    f"'rise', 'hold' and 'fall' of {name} are of a trapezoid; leave them out, or add "
+                    "'waveform: trapezoid'"
+                )
+        return self
 
     @model_validator(mode="after")
     def _horizontal(self) -> CrawlConfig:

@@ -55,6 +55,8 @@ class TurnConfig(FrozenModel):
     def _one_way(self) -> TurnConfig:
         if bool(self.keyframes) == bool(self.waves):
             raise ValueError("give either 'keyframes' or 'waves'")
+        if self.keyframes and self.period_s != type(self).model_fields["period_s"].default:
+            raise ValueError("'period' is of 'waves'; keyframes end with their last time")
         times = [0.0, *(one.time_s for one in self.keyframes)]
         if any(b <= a for a, b in pairwise(times)):
             raise ValueError("the times of 'keyframes' rise, each above the one before")
