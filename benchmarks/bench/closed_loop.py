@@ -2,7 +2,7 @@
 
     python -m benchmarks.bench.closed_loop                     calibration truths, on which the planner may be tuned
     python -m benchmarks.bench.closed_loop --share 0.1         the first truths of every group
-    python -m benchmarks.bench.closed_loop --sealed            judged truths, drawn for this code; in the ledger
+    python -m benchmarks.bench.closed_loop --sealed            judged truths, drawn for this code; answers are kept
     python -m benchmarks.bench.closed_loop --summarise         the table of the results that are there
 
 Every truth is met by three planners with the same bench and budget: chosen runs, random runs of the same space, and the
@@ -20,16 +20,16 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["NUMBA_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-import numpy as np
 from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, UntilRight, rich_minutes
 from benchmarks.bench.bed_bench import BedBench
+from benchmarks.bench.loop_answers import Answer, as_text, store, summary
 from benchmarks.bench.loop_tasks import LoopPlan, experiment
 from benchmarks.evidence import ledger, seal
 from benchmarks.evidence.judge import Judged, judge
@@ -48,7 +48,6 @@ from pliant_bench.loop.person import Nobody
 from pliant_bench.loop.planner import TellingPlanner, model_inputs
 from pliant_bench.loop.rounds import run_rounds
 
-GROUPS = ("effect", "clean", "unknown", "pair")
 LEDGER = Path(__file__).with_name("ledger.jsonl")
 # Code that determines the result, besides that of the diagnosis.
 CODE = (*ledger.CODE, "core/pliant/experiments", "plugins/pliant_bench", "benchmarks/bench")
@@ -151,16 +150,6 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
             print(f"{number}/{len(tasks)} {arm}: {line.get('ended') or line['error']}, {spent}", flush=True)
 
 
-@dataclass(frozen=True)
-class Answer:
-    """The judged answer of one planner to one truth, with its line of results."""
-
-    arm: str
-    item: Judged
-    line: dict[str, Any]
-    right: bool
-
-
 def judged(plan: LoopPlan, folder: Path, results: Path, key: bytes) -> list[Answer]:
     """Return every answer that is there, in the order of the plan."""
     lines, found = read(results), []
@@ -173,7 +162,7 @@ def judged(plan: LoopPlan, folder: Path, results: Path, key: bytes) -> list[Answ
             label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
             item = judge(task.group, label, line)
             finest = finest_class(task.group, label, lines.get(f"{name} {ARMS[0]}"))
-            found.append(Answer(arm, item, line, is_right(item, finest)))
+            found.append(Answer.from_judged(arm, item, line, is_right(item, finest)))
     return found
 
 
@@ -188,63 +177,6 @@ def finest_class(group: str, label: Mapping[str, Any], chosen: Mapping[str, Any]
         return 1
     item = judge(group, dict(label), dict(chosen))
     return item.credible_size or 1 if item.by_class else 1
-
-
-def summary(answers: Sequence[Answer]) -> dict[str, Any]:
-    """Return counts and minutes of every arm, and the medians of the ratios of minutes."""
-    found: dict[str, Any] = {}
-    minutes: dict[str, dict[str, float]] = {arm: {} for arm in (*ARMS, "rich_whole")}
-    for arm in ARMS:
-        mine = [one for one in answers if one.arm == arm]
-        groups = {group: [one for one in mine if one.item.group == group] for group in GROUPS}
-        found[arm] = {
-            "n": len(mine),
-            "right": sum(one.right for one in mine),
-            "strictly": sum(one.item.is_right for one in mine),
-            "wrong_kind": sum(one.item.wrong_kind for one in mine),
-            "errors": sum("error" in one.line for one in mine),
-            "groups": {group: [sum(one.right for one in some), len(some)] for group, some in groups.items()},
-        }
-        for one in mine:
-            if "error" not in one.line:
-                name = one.line["id"].split()[0]
-                minutes["rich_whole"][name] = one.line["rich_minutes"]
-                # an arm that ends wrong or undecided would have needed at least its whole budget
-                minutes[arm][name] = sum(one.line["minutes"]) if one.right else np.inf
-        taken = [value for value in minutes[arm].values() if np.isfinite(value)]
-        found[arm]["minutes_median_of_right"] = float(np.median(taken)) if taken else None
-    for arm in ("random", "rich", "rich_whole"):
-        ratios = [
-            minutes["chosen"][name] / value
-            for name, value in minutes[arm].items()
-            if np.isfinite(minutes["chosen"].get(name, np.inf))
-        ]
-        found[f"chosen_to_{arm}"] = {"median": float(np.median(ratios)) if ratios else None, "n": len(ratios)}
-    return found
-
-
-def as_text(data: Mapping[str, Any], answers: Sequence[Answer]) -> str:
-    """Return a line for every answer, then the table."""
-    lines = []
-    for one in answers:
-        item, plans = one.item, one.line.get("minutes", [])
-        outcome = "right" if item.is_right else "class" if one.right else f"not ({item.outcome})"
-        lines.append(
-            f"{item.kind:30s} {item.robot:6s} {item.engine:10s} {one.arm:7s} {outcome:15s} {item.answer:26s} "
-            f"{sum(plans):6.1f} min {len(plans):2d} runs {one.line.get('cpu_s', 0):5.0f} s CPU"
-        )
-    for arm in ARMS:
-        counts, right = data[arm], data[arm]["groups"]
-        of_groups = ", ".join(f"{group} {n}/{of}" for group, (n, of) in right.items())
-        lines.append(
-            f"{arm}: right {counts['right']}/{counts['n']} ({of_groups}), strictly {counts['strictly']}, wrong kind "
-            f"{counts['wrong_kind']}, errors {counts['errors']}, median minutes of right ones "
-            f"{counts['minutes_median_of_right']}"
-        )
-    for arm in ("random", "rich", "rich_whole"):
-        ratio = data[f"chosen_to_{arm}"]
-        lines.append(f"minutes of chosen runs / {arm}: median {ratio['median']} of {ratio['n']}")
-    return "\n".join(lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -276,6 +208,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     write_atomically(given.out / "closed_loop.json", json.dumps(data, indent=1))
     if given.sealed and not given.summarise:
         ledger.note({"run": begun["run"], "ended": ledger.now(), "figures": data}, LEDGER)
+        store(answers, {**begun, "ended": ledger.now(), "share": given.share})
 
 
 if __name__ == "__main__":
