@@ -5,8 +5,8 @@
     python -m benchmarks.studies.reach_around --publish          and docs/studies/reach_around.*
     python -m benchmarks.studies.reach_around --small            a taste of a minute, for CI; never touches docs
 
-The studies are those of examples/three_chamber_arm; `key=value` after the options changes them all. The better winner
-is exported as `pliant export` does: its 3MF file, bill and first protocol lie in the folder of the parts.
+The studies are those of examples/three_chamber_arm; `key=value` after the options changes them all. Every winner is
+exported as `pliant export` does: its 3MF file, bill and first protocol lie in a folder beside the parts.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ from benchmarks.studies.reach_bars import bars, lines, printed_figures
 from pliant import api
 from pliant.config.study import Study
 from pliant.pipeline.study import simulate_study
-from pliant_print.export import write_solid
+from pliant_print.bill import write_bill
+from pliant_print.export import solid_bill, write_protocol, write_solid
 from pliant_print.solids import printed_chain
 from pliant_search.evaluate.evaluator import build_search_problem
 from pliant_search.verify.direct_fem import direct_studies
@@ -84,7 +85,7 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)
         winner = build_search_problem(opened.context, opened.study).apply(record.best[0].values, 0)
-        solid = {} if given.small else printed(opened, winner, given.folder / f"{asked.name}.3mf")
+        solid = {} if given.small else printed(opened, winner, given.folder / asked.name / "arm.3mf")
         return {**part, **pose(opened, winner, fem=not given.small), "printed": solid}
 
     return given.part(parts, asked.name, opened.study, make)
@@ -115,10 +116,12 @@ def pose(opened: api.OpenStudy, arm: Study, fem: bool) -> dict[str, Any]:
 
 
 def printed(opened: api.OpenStudy, winner: Study, file: Path) -> dict[str, Any]:
-    """Write the 3MF file of an arm and return its figures."""
+    """Write the 3MF file of an arm, its bill and its first protocol, and return the solid's figures."""
     file.parent.mkdir(parents=True, exist_ok=True)
     made = printed_chain(opened.context, winner)
     write_solid(made, file, "3mf", 1.0, winner.name)
+    write_bill(solid_bill(made, winner), file.with_suffix(".bill.csv"))
+    write_protocol(opened.context, winner, file.parent)
     return printed_figures(made, winner)
 
 
