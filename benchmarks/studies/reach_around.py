@@ -55,7 +55,9 @@ ASKED = (
     Asked(MAIN, "CMA-ES", SEARCH),
     Asked(OTHER, "Optuna's TPE", SEARCH, (f"optimizer={{kind: {OTHER}}}",)),
 )
+HAND = Asked(BASELINE, "CMA-ES of the pressures alone", EXAMPLES / "pressures.yaml")
 FEW = ("search.budget=12", "search.verify=null", "search.confirm=null")
+KEPT_OF_BASELINE = ("words", "evaluations", "wall_s", "objective", "best")
 LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "conditions")
 
 
@@ -70,7 +72,8 @@ def study(given: Given) -> dict[str, Any]:
     asked = [replace(one, overrides=(*one.overrides, *FEW)) for one in ASKED] if given.small else ASKED
     runs = {one.name: _search(parts, one, given) for one in asked}
     kept = {name: part for name, part in runs.items() if part is not None}
-    base = _baseline(parts, asked[0], given)
+    hand = replace(HAND, overrides=FEW) if given.small else HAND
+    base = _baseline(parts, hand, given)
     result = assembled(
         kept, base, {**given.stated(), "scene": scene(asked[0].opened(given.part_store(BASELINE)).study)}
     )
@@ -92,11 +95,15 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
 
 def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
-    """Return the hand-made arm, at which the searches start: its pressures are those of inverse statics."""
+    """Return the hand-made arm with pressures searched by the same objective, and with those of inverse statics."""
     opened = asked.opened(given.part_store(BASELINE), given.overrides, given.quiet)
 
     def make() -> dict[str, Any]:
-        return {"part": BASELINE, **pose(opened, opened.study, fem=not given.small)}
+        part, record = searched(asked, opened, given.workers)
+        winner = build_search_problem(opened.context, opened.study).apply(record.best[0].values, 0)
+        kept = {name: part[name] for name in KEPT_OF_BASELINE}
+        statics = pose(opened, opened.study, fem=not given.small)
+        return {"part": BASELINE, **kept, **pose(opened, winner, fem=not given.small), "statics": statics}
 
     return given.part(parts, BASELINE, opened.study, make)
 
