@@ -6,7 +6,8 @@
     python -m benchmarks.studies.reach_around --small            a taste of a minute, for CI; never touches docs
 
 The studies are those of examples/three_chamber_arm; `key=value` after the options changes them all. Every winner is
-exported as `pliant export` does: its 3MF file, bill and first protocol lie in a folder beside the parts.
+exported as `pliant export` does: its 3MF file and bill lie in a folder beside the parts. The protocol of its first run
+on a bench takes minutes, and is written by `pliant export … --protocol` alone.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from pliant import api
 from pliant.config.study import Study
 from pliant.pipeline.study import simulate_study
 from pliant_print.bill import write_bill
-from pliant_print.export import solid_bill, write_protocol, write_solid
+from pliant_print.export import solid_bill, write_solid
 from pliant_print.solids import printed_chain
 from pliant_search.evaluate.evaluator import build_search_problem
 from pliant_search.verify.direct_fem import direct_studies
@@ -123,12 +124,11 @@ def pose(opened: api.OpenStudy, arm: Study, fem: bool) -> dict[str, Any]:
 
 
 def printed(opened: api.OpenStudy, winner: Study, file: Path) -> dict[str, Any]:
-    """Write the 3MF file of an arm, its bill and its first protocol, and return the solid's figures."""
+    """Write the 3MF file of an arm and its bill, and return the solid's figures."""
     file.parent.mkdir(parents=True, exist_ok=True)
     made = printed_chain(opened.context, winner)
     write_solid(made, file, "3mf", 1.0, winner.name)
     write_bill(solid_bill(made, winner), file.with_suffix(".bill.csv"))
-    write_protocol(opened.context, winner, file.parent)
     return printed_figures(made, winner)
 
 

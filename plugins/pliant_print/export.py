@@ -14,7 +14,6 @@ from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
 from pliant.meshing.stl import write_stl
-from pliant.pipeline.workbench import RunContext
 from pliant.records.shape import TriangleMesh
 from pliant_print.bill import BillRow, as_json, pressure_rows, write_bill
 from pliant_print.boolean import solid, surface, volume_m3
@@ -55,7 +54,7 @@ def export_solid(
         bill = out.with_suffix(".bill.csv")
         write_bill(solid_bill(made, study), bill)
         files.append(bill)
-        files += write_protocol(context, study, out.parent) if protocol else []
+        files += _protocol(session, study, out.parent) if protocol else []
     triangles = sum(body.check.triangles for body in made.bodies)
     session.result.update({"files": files, "format": form, "triangles": triangles, **solid_json(made, study)})
     for file in files:
@@ -188,7 +187,7 @@ def export_mould(session: Session, study: Study, out: Path, protocol: bool) -> N
     rows = mould_bill(made, study, config, density, chain.soft)
     files.append(out / "bill.csv")
     write_bill(rows, files[-1])
-    files += write_protocol(context, study, out) if protocol else []
+    files += _protocol(session, study, out) if protocol else []
     session.result.update({"files": files, "format": "mould", **mould_json(made, rows)})
     for file in files:
         session.say(f"written  {file}")
@@ -267,9 +266,9 @@ def mould_sentences(made: Mould, config: MouldConfig, notes: Sequence[str]) -> l
     return said + list(notes)
 
 
-def write_protocol(context: RunContext, study: Study, folder: Path) -> list[Path]:
-    """Write the protocol of the first bench run, as `pliant plan` does, and return its files."""
-    first = api.plan_first_runs(api.OpenStudy(study, context), runs=1)
+def _protocol(session: Session, study: Study, folder: Path) -> list[Path]:
+    """Write the protocol of the first bench run, as `pliant plan` does."""
+    first = api.plan_first_runs(api.OpenStudy(study, session.context()), runs=1)
     named = [(f"run_{n}_{run.name}.csv".replace(" ", "_"), run) for n, run in enumerate(first.chosen, 1)]
     return [
         Path(file) for file in write_runs(folder, named, first.outputs, Path(f"{study.name}.yaml"), study)
