@@ -201,7 +201,10 @@ def test_waves_have_their_phase_in_each_finger(finger: ChainModel) -> None:
     ("keys", "sentence"),
     [
         ({"turn": {}}, "give either 'keyframes' or 'waves'"),
-        ({"turn": {"period": "3 s", "keyframes": [{"time": "1 s", "inputs": [LEFT]}]}}, "'period' is of 'waves'"),
+        (
+            {"turn": {"period": "3 s", "keyframes": [{"time": "1 s", "inputs": [LEFT]}]}},
+            "'period' is of 'waves'",
+        ),
         ({"axis": [0, 0, 0]}, "'axis' has no length"),
         (
             {"turn": {"keyframes": [{"time": "1 s", "inputs": [LEFT]}, {"time": "1 s", "inputs": [RIGHT]}]}},
