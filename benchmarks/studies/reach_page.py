@@ -22,8 +22,13 @@ HAND = "hand-made"
 def runs(result: Result) -> Iterator[str]:
     """Return a table of the hand-made arm and of the winners, by laws of direct FEM."""
     rows = []
-    if result["baseline"]:
-        rows.append((HAND, "", "", *_reached(result["baseline"]), "", ""))
+    base = result["baseline"]
+    if base:
+        rows.append((f"{HAND}, pressures of inverse statics", "", "", *_reached(base["statics"]), "", ""))
+        rows.append((
+            f"{HAND}, pressures searched", str(base["evaluations"]), clock(base["wall_s"]), *_reached(base),
+            f"{base['objective']:.3g}", "",
+        ))  # fmt: skip
     for name, run in result["runs"].items():
         rows.append((
             f"`{name}`: {run['words']}", str(run["evaluations"]), clock(run["wall_s"]), *_reached(run),
@@ -83,10 +88,13 @@ def solids(result: Result) -> Iterator[str]:
 
 
 def best(result: Result) -> Iterator[str]:
-    """Return the winners' values, one column per search."""
+    """Return the values of the winners, one column per search, and the pressures of the hand-made arm."""
     found = result["runs"]
     units = {name: unit for run in found.values() for name, unit in run["units"].items()}
-    return page.values({f"`{name}`": run["best"]["values"] for name, run in found.items()}, units)
+    columns = {f"`{name}`": run["best"]["values"] for name, run in found.items()}
+    if result["baseline"]:
+        columns[HAND] = result["baseline"]["best"]["values"]
+    return page.values(columns, units)
 
 
 def arms(result: Result) -> bytes | None:

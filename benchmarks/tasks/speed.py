@@ -151,7 +151,7 @@ def _crawl(bars: list[Bar], repeats: int) -> dict[str, Any]:
     study = load_study(CRAWLER, registry())
     chain = build_study_chain(workbench(), study).chain
     assert study.task is not None
-    task = Crawl(study.task)  # type: ignore[arg-type]
+    task = Crawl(study.task)
     config = task.config
     one = [
         (dict(task.commands(chain, (k + 0.5) / config.commands)[0]), config.period_s / config.commands)
@@ -195,7 +195,7 @@ def _fastest(
     task: SceneTask, chain: ChainModel, frames: list[Frame], repeats: int, settings: dict[str, Any]
 ) -> dict[str, float]:
     """Return the least CPU seconds of the motion: in the engine, in plain MuJoCo, in MuJoCo without laws."""
-    backend = engine("mujoco", **settings)
+    backend: Any = engine("mujoco", **settings)  # has scenes, which the interface of every engine lacks
     cpu: dict[str, list[float]] = {"ours": [], "plain": [], "bare": []}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.xml"

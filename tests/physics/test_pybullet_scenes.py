@@ -150,3 +150,26 @@ def test_bullet_s_own_contact_memory_is_no_part_of_a_study_s_key() -> None:
     assert PybulletConfig().canonical() == PybulletConfig(contact_memory=0.02).canonical()
     assert "contact_memory" not in PybulletConfig().canonical()
     assert PybulletConfig(contact_memory=1e-5).canonical()["contact_memory"] == 1e-5
+
+
+def test_every_simulation_of_a_process_steps_with_its_own_contact_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Bullet has one number for all clients; the last one built must not have the say."""
+    told: list[float] = []
+    with (
+        engine(contact_memory=1e-5).build_scene(pinch_scene()) as first,
+        engine().build_scene(pinch_scene()) as second,
+    ):
+        for one in (first, second):
+            original = one.client.setPhysicsEngineParameter
+
+            def noted(original=original, **given: object) -> None:  # type: ignore[no-untyped-def]
+                if "contactBreakingThreshold" in given:
+                    told.append(given["contactBreakingThreshold"])  # type: ignore[arg-type]
+                original(**given)
+
+            monkeypatch.setattr(one.client, "setPhysicsEngineParameter", noted)
+        for one in (first, second, first):
+            one.step(1e-3)
+    assert told == [1e-5, 0.02, 1e-5]
