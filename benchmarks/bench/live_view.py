@@ -25,7 +25,7 @@ from benchmarks.output import ROOT, Bar, make_parser, write
 
 from pliant import api
 from pliant.report.diagnosis import diagnosis_json
-from pliant_app.server import _serve_until_interrupted, experiment_application
+from pliant_app.server import experiment_application, serve_until_interrupted
 from pliant_bench.bench import BenchProtocol, BenchSample
 from pliant_bench.loop.folder import ExperimentFolder, RoundFolder, SampleLog
 
@@ -91,7 +91,7 @@ def record(path: Path, asked: BenchProtocol, before: int, count: int, ready: Any
 
 def serve(folder: ExperimentFolder, bound: socket.socket) -> None:
     """Serve the live page."""
-    _serve_until_interrupted(experiment_application(folder, TOKEN), bound)
+    serve_until_interrupted(experiment_application(folder, TOKEN), bound)
 
 
 def latencies(folder: ExperimentFolder, last: RoundFolder, before: int, count: int) -> np.ndarray:

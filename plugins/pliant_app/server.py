@@ -309,7 +309,7 @@ def serve(controller: SessionController, port: int, browse: bool, say: Callable[
         if browse:
             webbrowser.open(address)
         try:
-            _serve_until_interrupted(application(controller, token), bound)
+            serve_until_interrupted(application(controller, token), bound)
         finally:
             controller.runner.stop()
             say("the page has ended; everything is saved.")
@@ -324,10 +324,10 @@ def serve_experiment(folder: ExperimentFolder, port: int, browse: bool, say: Cal
         say("Ctrl-C ends the page; the experiment goes on.")
         if browse:
             webbrowser.open(address)
-        _serve_until_interrupted(experiment_application(folder, token), bound)
+        serve_until_interrupted(experiment_application(folder, token), bound)
 
 
-def _serve_until_interrupted(app: Starlette, bound: socket.socket) -> None:
+def serve_until_interrupted(app: Starlette, bound: socket.socket) -> None:
     config = uvicorn.Config(
         app,
         log_level="error",

@@ -90,7 +90,7 @@ class DeadZoneDrive(DriveChange):
         import mujoco
 
         drives = self.effect.drives(model)
-        return Drives.of(model, drives), mujoco.MjData(model)
+        return Drives.from_model(model, drives), mujoco.MjData(model)
 
     def advance(
         self, model: Any, state: Any, q: Array, v: Array, controls: Array, step_s: float
@@ -124,7 +124,7 @@ class Drives:
     at_zero: Array
 
     @staticmethod
-    def of(model: Any, drives: list[int]) -> Drives:
+    def from_model(model: Any, drives: list[int]) -> Drives:
         """Return the numbers of these actuators."""
         import mujoco
 

@@ -25,7 +25,7 @@ Transform = Callable[[Array, Array], Array]
 
 
 class SignalEffect(SystemEffect):
-    """An effect that maps each chosen channel by itself."""
+    """An effect that maps each chosen channel separately."""
 
     config: EffectConfig
 
@@ -95,7 +95,7 @@ def _read(transforms: Mapping[str, Transform], readings: Readings) -> dict[str, 
 
 
 def faded(fading: float, values: Array, scale: float) -> Array:
-    """Return (t,) the share of a change that is left at each value."""
+    """Return (t,) the remaining share of a change at each value."""
     return 1.0 - fading * np.abs(values) / scale if fading else np.ones_like(values)
 
 

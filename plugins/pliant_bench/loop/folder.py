@@ -222,11 +222,11 @@ class GrowingColumns:
         self._columns: dict[str, list[float]] = {}
 
     def read(self) -> Mapping[str, Sequence[float]]:
-        """Return all columns so far; none where the file does not exist or was begun anew with fewer lines."""
+        """Return all columns so far; none where the file does not exist. A shorter file than before is read again."""
         if not self._path.exists():
             return {}
         with self._path.open("rb") as file:
-            if file.seek(0, io.SEEK_END) < self._read_bytes:  # another program began it anew
+            if file.seek(0, io.SEEK_END) < self._read_bytes:  # the file was replaced
                 self._read_bytes, self._columns = 0, {}
             file.seek(self._read_bytes)
             data = file.read()
