@@ -193,8 +193,11 @@ class HypothesisSearch:
                 return
             self._fit(sets)
             best = self._swap_terms(self._best(sets), directions)
-            self._fit([tuple(kind for kind in best if kind != left) for left in best], near=best)
+            subsets = [tuple(kind for kind in best if kind != left) for left in best]
+            self._fit(subsets, near=best)
             best = self._best([best, *self._fit_shape_variants(sets)])
+            self._refit_near(best, subsets)
+            before = self._best([key for key in self.fits if len(key) < size])
             if not self._pays(best, before) or not room_above_floor(self.table(), best, self.thresholds):
                 return
 
@@ -293,6 +296,19 @@ class HypothesisSearch:
             self._fit(sets, near=best)
             best = self._best([best, *sets])
         return best
+
+    def _refit_near(self, best: Kinds, sets: Sequence[Kinds]) -> None:
+        """Fit sets again from the values of the best one, where their cost is lower there than at their own fits.
+
+        A smaller set can end in a minimum that a larger one avoids; the larger one would then lead for no reason.
+        """
+        known = self.fits[best].named
+        for kinds in sets:
+            fit = self.fitter.refit_from(self.fits[kinds], [known])
+            if fit is not self.fits[kinds]:
+                price = form_price(fit, self.table().noise.n_effective) if fit.candidate.forms else 0.0
+                self._keep(kinds, fit, price)
+                self._own.add(kinds)
 
     def _pays(self, larger: Kinds, smaller: Kinds) -> bool:
         evidence = log_evidence(self.table(), self.thresholds)
