@@ -9,6 +9,7 @@ import pytest
 from tests.diagnosis.quick import (
     REGISTRY,
     SIGMA,
+    P,
     blank,
     effect,
     joint,
@@ -21,6 +22,7 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.evidence_table import UNKNOWN
 from pliant.diagnosis.next_run import (
     Belief,
@@ -33,7 +35,7 @@ from pliant.diagnosis.next_run import (
     run_that_excites,
     what_next,
 )
-from pliant.experiments.planned_run import named_run
+from pliant.experiments.planned_run import PlannedRun, named_run
 from pliant.report.fitted import next_run_json
 
 FLAT = joint(gravity=(0, 0, 0))
@@ -183,3 +185,25 @@ def test_new_readings_are_worth_what_old_ones_are(n: float) -> None:
     seconds = sum(float(np.ptp(run.history.time_s)) for run in predictor.measurement.runs)
     slow = [k for k, run in enumerate(view.runs) if run.name == "slow_cycles"]
     assert view.worth[view.rows(slow)].sum() == pytest.approx(n * 161.0 / seconds, rel=0.01)
+
+
+def test_a_planned_run_continues_the_memory_of_its_specimen() -> None:
+    """Loads of both signs have set the specimen; the same run once more is predicted as its repeat."""
+    first, again = pushes("first", 0.6 * P), pushes("again", 0.6 * P)
+    hidden = effect("permanent_set")
+    predictor = make_predictor(FLAT, measured(FLAT, [first], hidden, seed=2))
+    repeats = make_predictor(FLAT, measured(FLAT, [first, again], hidden, seed=2)).predict([hidden])
+    virgin, repeat = (one["angle_rad"] for one in repeats)
+
+    def planned(body: str) -> np.ndarray:
+        run = PlannedRun("again", "", again.with_(specimen=body), 1.0)
+        view = CatalogueView.from_predictor(predictor, [run], SCALES, None)
+        candidate = EffectSet.from_kinds(REGISTRY, ("permanent_set",))
+        x = np.array([p.x(hidden.share) if p.name.endswith("share") else 0.0 for p in candidate.parameters])
+        return -SIGMA * view.evaluate(candidate, x).values
+
+    def distance(one: np.ndarray, other: np.ndarray) -> float:
+        return float(min(np.abs(one - other).max(), np.abs(one + other).max()))
+
+    assert distance(virgin, repeat) > 2 * SIGMA
+    assert distance(planned("A"), repeat) < 0.1 * distance(virgin, repeat)

@@ -15,11 +15,13 @@ from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector
 from pliant.evidence.measured_model import MeasuredModel
 from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
-from pliant.records.history import History
-from pliant.records.measurement import Measurement
+from pliant.records.history import History, held
+from pliant.records.measurement import MeasuredRun, Measurement
 
-# A measured specimen is no longer virgin: it is cycled once, unread, before a run of the menu.
+# A measured specimen is no longer virgin: before a run of the menu it is cycled, unread, to the extreme readings of its
+# measured runs, or to the run's largest actuation where no run names the specimen.
 CONDITIONING_S, CONDITIONING_STEP_S = 20.0, 1.0
+MOST_EXTREMES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,8 @@ class CatalogueView:
                 range.
             reading_s: time per independent reading of an output; None where every sample is one.
         """
-        measurement = _unread(runs, tuple(scales), predictor.is_conditioned)
+        done = predictor.measurement.runs if predictor.is_conditioned else None
+        measurement = _unread(runs, tuple(scales), done)
         driven = predictor.for_planned_runs(measurement)
         added = [name for name in driven.outputs if name not in scales]
         every = dict(scales) | (_added_scales(driven, added) if added else {})
@@ -124,35 +127,69 @@ def seconds_per_reading(measurement: Measurement, n_outputs: int, n_effective: f
     return seconds * n_outputs / max(n_effective, 1.0)
 
 
-def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...], conditioned: bool) -> Measurement:
-    """Return each run, after its specimen's conditioning if asked; readings are 0 where they will be read, else NaN."""
+def _unread(
+    runs: Sequence[PlannedRun], outputs: tuple[str, ...], done: Sequence[MeasuredRun] | None
+) -> Measurement:
+    """Return each run, after its specimen's conditioning; readings are 0 where they will be read, else NaN.
+
+    `done` are the runs that were measured; None where nothing is conditioned.
+    """
     every = tuple(dict.fromkeys((*outputs, *(name for run in runs for name in run.adds))))
     measured = []
     for number, run in enumerate(runs):
         body = f"{run.history.specimen} {number}"
-        if not conditioned:
-            measured.append(unread_run(run.history.with_(specimen=body), every, (*outputs, *run.adds)))
-            continue
-        before = _conditioning(run.history).with_(specimen="" if run.new_specimen else body)
-        measured += [
-            unread_run(before, every),
-            unread_run(run.history.with_(specimen=body), every, (*outputs, *run.adds)),
-        ]
+        if done is not None:
+            before = _conditioning(run.history, done).with_(specimen="" if run.new_specimen else body)
+            measured.append(unread_run(before, every))
+        measured.append(unread_run(run.history.with_(specimen=body), every, (*outputs, *run.adds)))
     return Measurement(tuple(measured), every, source="the menu")
 
 
-def _conditioning(history: History) -> History:
-    """Return one cycle to the run's largest actuation, without load, at the usual base orientation."""
+def _conditioning(history: History, done: Sequence[MeasuredRun]) -> History:
+    """Return slow cycles to what took the run's specimen to its extreme readings.
+
+    Without a measured run of that specimen it is one cycle to the run's largest actuation, without load, at the usual
+    orientation of the base.
+    """
+    extremes = _extremes([one for one in done if one.history.specimen == history.specimen != ""])
     n = int(CONDITIONING_S / CONDITIONING_STEP_S)
-    clock: Array = CONDITIONING_STEP_S * np.arange(n + 1, dtype=float)
-    shape = 1.0 - np.abs(2.0 * clock / clock[-1] - 1.0)
-    tops = {name: float(values.max(initial=0.0)) for name, values in history.actuation.items()}
+    shape: Array = 1.0 - np.abs(2.0 * np.arange(n + 1) / n - 1.0)
+    payload = None if history.payload_kg is None else float(history.payload_kg[0])
+    if not extremes:
+        tops = {name: values.max(initial=0.0) * shape for name, values in history.actuation.items()}
+        clock: Array = CONDITIONING_STEP_S * np.arange(n + 1, dtype=float)
+        return History.from_arrays(tops, clock, run=f"before {history.run}", payload_kg=payload)
+    shapes = np.tile(shape, len(extremes))
+
+    def rows(values: Sequence[Array]) -> Array:
+        """Return one value for each extreme, (1, …) each, for all samples of its cycle."""
+        return np.repeat(np.concatenate(values), n + 1, axis=0)
+
+    payloads = [one.payload_kg for one in extremes if one.payload_kg is not None]
     return History.from_arrays(
-        {name: top * shape for name, top in tops.items()},
-        clock,
+        {name: rows([one.actuation[name] for one in extremes]) * shapes for name in history.actuation},
+        np.arange(0.0, CONDITIONING_STEP_S * len(shapes), CONDITIONING_STEP_S),
         run=f"before {history.run}",
-        payload_kg=None if history.payload_kg is None else float(history.payload_kg[0]),
+        tip_force_n=rows([one.tip_force_n for one in extremes]) * shapes[:, None],
+        moment_n_m=rows([one.moment_n_m for one in extremes]) * shapes,
+        temperature_c=rows([one.temperature_c for one in extremes]),
+        base_angles_rad=rows([one.base_angles_rad for one in extremes]),
+        payload_kg=rows(payloads) if len(payloads) == len(extremes) else payload,
     )
+
+
+def _extremes(runs: Sequence[MeasuredRun]) -> list[History]:
+    """Return the inputs at the largest and the smallest reading of every output, one sample each."""
+    found: dict[tuple[int, int], History] = {}
+    for name in runs[0].outputs if runs else ():
+        for sign in (1.0, -1.0):
+            tops = [np.nanmax(sign * one.outputs[name], initial=-np.inf) for one in runs]
+            number = int(np.argmax(tops))
+            if np.isfinite(tops[number]):
+                sample = int(np.nanargmax(sign * runs[number].outputs[name]))
+                inputs = held(runs[number].history).at_samples(np.array([sample], np.intp))
+                found.setdefault((number, sample), inputs)
+    return list(found.values())[:MOST_EXTREMES]
 
 
 def _added_scales(predictor: MeasuredModel, names: Sequence[str]) -> dict[str, float]:
