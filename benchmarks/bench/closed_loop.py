@@ -5,10 +5,9 @@
     python -m benchmarks.bench.closed_loop --sealed            judged truths, drawn for this code; answers are kept
     python -m benchmarks.bench.closed_loop --summarise         the table of the results that are there
 
-Every truth is met by three planners with the same bench and budget: chosen runs, random runs of the same space, and the
-runs of the rich protocol in their order. All end when a verdict holds; the planners that are compared also end when a
-judge sees that it is right, strictly or by class. Minutes contain motion, setting up and a person's work. The whole
-rich protocol, as it is recorded without a loop, is compared too. Results survive a kill and are continued.
+Every truth is met by two planners with the same bench, budget and rules for an end: chosen runs, and random runs of the
+same space. Minutes contain motion, setting up and a person's work. The whole rich protocol, as it is recorded without a
+loop, is compared too. Results survive a kill and are continued.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from typing import Any
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["NUMBA_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.bench.arms import ARMS, RandomRuns, RichRuns, UntilRight, rich_minutes
+from benchmarks.bench.arms import ARMS, RandomRuns, rich_minutes
 from benchmarks.bench.bed_bench import BedBench
 from benchmarks.bench.loop_answers import Answer, as_text, store, summary
 from benchmarks.bench.loop_tasks import LoopPlan, experiment
@@ -39,8 +38,6 @@ from benchmarks.evidence.tasks import Task
 from benchmarks.output import OUT, make_parser
 
 from pliant import api
-from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.report.diagnosis import diagnosis_json
 from pliant.store.store import write_atomically
 from pliant_bench.loop.experiment import Experiment, Planner
 from pliant_bench.loop.folder import ExperimentFolder
@@ -64,25 +61,14 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> Path:
     return study
 
 
-def perform(
-    arm: str, group: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path, finest: int
-) -> dict[str, Any]:
-    """Run the loop with one planner until it ends, and return its verdict and its minutes.
-
-    `finest` is the size of the class that no allowed run splits, as the chosen runs found it; 1 without one.
-    """
+def perform(arm: str, study: Path, label: Mapping[str, Any], seed: int, folder: Path) -> dict[str, Any]:
+    """Run the loop with one planner until it ends, and return its verdict and its minutes."""
     opened = api.open_study(study, store=folder / "store")
     bench = BedBench.from_label(label, seed)
     settings = experiment(bench.robot)
 
-    def right(diagnosis: Diagnosis) -> bool:
-        item = judge(group, dict(label), {"result": diagnosis_json(diagnosis), "wall_s": 0.0})
-        return is_right(item, finest)
-
-    planner: Planner = TellingPlanner(opened, settings, bench)
-    if arm != "chosen":
-        compared = RandomRuns(settings, bench) if arm == "random" else RichRuns(settings, bench)
-        planner = UntilRight(compared, right, settings.rounds)
+    chosen = TellingPlanner(opened, settings, bench)
+    planner: Planner = chosen if arm == "chosen" else RandomRuns(chosen, settings, bench)
     experiments = ExperimentFolder(folder / "experiment")
     started, cpu = time.perf_counter(), time.process_time()
     ended = run_rounds(
@@ -141,8 +127,7 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
                 label = seal.unseal((folder / "sets" / f"{name}{seal.SUFFIX}").read_text(), key)
                 with tempfile.TemporaryDirectory() as scratch:
                     seed = ARMS.index(arm) + 10 * task.spec.seed
-                    finest = finest_class(task.group, label, read(results).get(f"{name} {ARMS[0]}"))
-                    line |= perform(arm, task.group, study, label, seed, Path(scratch), finest)
+                    line |= perform(arm, study, label, seed, Path(scratch))
             except Exception as error:
                 line |= {"error": f"{type(error).__name__}: {error}", "wall_s": 0.0}
             append(results, line)

@@ -107,7 +107,7 @@ def summary(answers: Sequence[Answer]) -> dict[str, Any]:
             "groups": {group: [sum(one.right for one in some), len(some)] for group, some in groups.items()},
             "minutes_median_of_right": float(np.median(taken)) if taken else None,
         }
-    for arm in ("random", "rich", "rich_whole"):
+    for arm in ("random", "rich_whole"):
         ratios = [
             minutes["chosen"][name] / value
             for name, value in minutes[arm].items()
@@ -137,7 +137,7 @@ def as_text(data: Mapping[str, Any], answers: Sequence[Answer]) -> str:
             f"{counts['wrong_kind']}, errors {counts['errors']}, median minutes of right ones "
             f"{counts['minutes_median_of_right']}"
         )
-    for arm in ("random", "rich", "rich_whole"):
+    for arm in ("random", "rich_whole"):
         ratio = data[f"chosen_to_{arm}"]
         lines.append(f"minutes of chosen runs / {arm}: median {ratio['median']} of {ratio['n']}")
     return "\n".join(lines)
