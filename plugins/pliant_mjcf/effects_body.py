@@ -1,6 +1,6 @@
 """Effects that are numbers of a body: its mass, centre of mass and inertia, and a payload.
 
-    body_mass         m' = f m,      J' = f J
+    body_mass         m' = f m,      J' = f^q J
     centre_of_mass    c' = c + d,    along the axes of the body's frame; J about the centre of mass stays
     body_inertia      J' = f J
     payload           m' = m + μ,    c' = (m c + μ p) / m',    J' = J + m S(c − c') + μ S(p − c')
@@ -84,10 +84,13 @@ class BodyMassConfig(EffectConfig):
     kind: str = effect_kind("body_mass")
     factor: Ratio = parameter(neutral=1.0, bounds=(0.01, 100.0), plausible=(0.75, 1.35), example=1.1)
     """true mass / model's"""
+    inertia_power: float = parameter(unit="1", neutral=1.0, bounds=(0.0, 3.0), plausible=(0.4, 1.6), role="form")
+    """power of the factor in the inertia: 1 for another density, less where the mass is near the centre, 5/3 for
+    another size"""
 
 
 class BodyMass(BodyEffect):
-    """A factor of mass and inertia: another density."""
+    """A factor of the mass, and a power of it of the inertia."""
 
     config: BodyMassConfig
     notes = EffectNotes(
@@ -104,7 +107,7 @@ class BodyMass(BodyEffect):
     def change(self, model: Any) -> None:
         numbers = self.numbers(model)
         model.body_mass[numbers] *= self.config.factor
-        model.body_inertia[numbers] *= self.config.factor
+        model.body_inertia[numbers] *= self.config.factor**self.config.inertia_power
 
 
 class CentreOfMassConfig(EffectConfig):

@@ -35,8 +35,9 @@ from pliant.records.design import Array
 # Kinds whose places are tried: the first ones by the evidence of all places alike, and those that could explain this
 # share of what the best could, with a strength of its own for each output.
 LEADING, LEAST_BY_OUTPUT = 2, 0.25
-# How many kinds at single places are screened with slopes and fitted, and the share of the best gain that each needs.
-MOST_SCREENED, MOST_FITTED, LEAST_SHARE = 10, 8, 0.1
+# How many kinds at single places are fitted. Of the first kinds by what they could explain, every place is looked at
+# more closely, and the likeliest is fitted.
+MOST_FITTED, FIRST_KINDS = 10, 6
 # The same share where the change at one strength alone is looked at.
 LEAST_ALONE = 0.05
 # Runs in which that is looked at: those with this share of the squared error, and at least so many.
@@ -61,24 +62,22 @@ def kinds_at_places(
     explained = {key: _explained_by_output(search, key[0]) for key in spread}
     enough = LEAST_BY_OUTPUT * max(explained.values(), default=0.0)
     by_output = [key for key in sorted(spread, key=lambda key: -explained[key]) if explained[key] >= enough]
-    asked = [kind for key in dict.fromkeys((*by_evidence, *by_output)) for kind in spread[key]]
+    asked = [kind for key in dict.fromkeys((*by_output, *by_evidence)) for kind in spread[key]]
     if not asked:
         return [], {}
     nothing = search.fits[NOTHING]
     kinds, _ = applicable(search.registry, search.fitter, asked, executor)
     likely = _most_explaining(search, kinds, executor)
     shown = excitations(search.registry, search.fitter, nothing, likely, executor)
-    gains = {kind: explained_by(nothing.residual, one) for kind, one in shown.items()}
-    least = LEAST_SHARE * max(gains.values(), default=0.0)
-    chosen = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
-    return chosen[:MOST_FITTED], {kind: shown[kind] for kind in chosen[:MOST_FITTED]}
+    return sorted(shown, key=lambda kind: -explained_by(nothing.residual, shown[kind])), shown
 
 
 def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: Executor) -> list[str]:
     """Return the kinds at single places whose change at a usual strength is most like the residual.
 
-    They are tried in the runs that hold most of the error; of each kind the likeliest place also with the strength that
-    the residual would need, since a large effect may change the readings in another way than a small one.
+    `kinds` are in the order of what each could explain at all its places. They are tried in the runs that hold most of
+    the error; all places of the first kinds, and the likeliest of each other one, also with the strength that the
+    residual would need, since a large effect may change the readings in another way than a small one.
     """
     fitter, there = _where_most_is_left(search)
     residual, parts = search.fits[NOTHING].raw[there], search.fits[NOTHING].parts
@@ -88,20 +87,25 @@ def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: E
         with JobQueue(executor, fitter.residual_from) as queue:
             return [residual - one.unwrap() for one in queue.each(asked)]
 
-    usual = [_usual(search, kind) for kind in kinds]
-    first = changes(usual)
-    gains = {
-        one.kind: explained_by_columns(residual, c[:, None]) for one, c in zip(usual, first, strict=True)
-    }
-    known = {one.kind: (one, c) for one, c in zip(usual, first, strict=True)}
-    ranked = sorted(gains, key=lambda kind: -gains[kind])
-    leading = list({kind.partition(AT)[0]: kind for kind in reversed(ranked)}.values())
-    stronger = [known[kind][0].scaled(known[kind][1], residual) for kind in leading]
-    for kind, change in zip(leading, changes(stronger), strict=True):
-        gains[kind] = explained_by_columns(residual, np.column_stack([known[kind][1], change]))
+    usual = {kind: _usual(search, kind) for kind in kinds}
+    alone = dict(zip(kinds, changes(list(usual.values())), strict=True))
+    gains = {kind: explained_by_columns(residual, change[:, None]) for kind, change in alone.items()}
+    everywhere = list(dict.fromkeys(kind.partition(AT)[0] for kind in kinds))[:FIRST_KINDS]
+    likeliest = _best_places(sorted(gains, key=lambda kind: -gains[kind]))
+    again = [kind for kind in kinds if kind.partition(AT)[0] in everywhere or kind in likeliest.values()]
+    stronger = changes([usual[kind].scaled(alone[kind], residual) for kind in again])
+    for kind, change in zip(again, stronger, strict=True):
+        gains[kind] = explained_by_columns(residual, np.column_stack([alone[kind], change]))
     least = LEAST_ALONE * max(gains.values(), default=0.0)
     likely = sorted((kind for kind in gains if gains[kind] >= least), key=lambda kind: -gains[kind])
-    return likely[:MOST_SCREENED]
+    best = _best_places(likely)
+    first = [best[kind] for kind in everywhere if kind in best]
+    return list(dict.fromkeys((*first, *likely)))[:MOST_FITTED]
+
+
+def _best_places(ranked: Sequence[str]) -> dict[str, str]:
+    """Return by kind the first of its places in a ranking."""
+    return {kind.partition(AT)[0]: kind for kind in reversed(ranked)}
 
 
 @dataclass(frozen=True, eq=False)
