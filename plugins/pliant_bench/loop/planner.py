@@ -41,8 +41,8 @@ class TellingPlanner:
     def next(self, now: Situation) -> Choice:
         """Return the most informative run; for a stable verdict one that could contradict it.
 
-        The last run before an end with a verdict is a control: the first condition again. Drift and ageing, which no
-        candidate may predict, show there.
+        The last run before an end is a control: the first condition again. Drift and ageing, which no candidate may
+        predict, show there.
         """
         axes = ProtocolSpace.from_settings(self.settings, self.bench.inputs).axes
         envelopes = {name: one.limits(name) for name, one in self.settings.outputs.items()}
@@ -58,7 +58,7 @@ class TellingPlanner:
             coverage=Coverage.from_recordings(axes, now.recordings, envelopes),
             met=now.met,
         )
-        if choice.protocol is not None or choice.purpose != "expose" or now.controlled:
+        if choice.protocol is not None or now.controlled:
             return choice
         control = self._control(now)
         return control if control.minutes <= now.minutes_left else choice
