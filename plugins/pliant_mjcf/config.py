@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.model import ModelConfig
-from pliant.units import UnitError, parse_quantity
+from pliant.units import Ratio, UnitError, parse_quantity
 
 FIRST, SETTLED = "first", "settled"
 
@@ -50,6 +50,13 @@ class MjcfModelConfig(ModelConfig):
     )
     fixed: Mapping[str, float] = Field(
         default_factory=dict, description="actuator → constant ctrl; a list of names means ctrl 0"
+    )
+    number_error: Ratio | None = Field(
+        0.005,
+        ge=0.0,
+        le=0.2,
+        description="share by which the file's masses, inertias, lengths, damping, stiffness and gains may each be off; "
+        "a diagnosis takes no such error for an effect, and 0 takes them as exact",
     )
     initial: str | Mapping[str, float] | None = Field(
         None,

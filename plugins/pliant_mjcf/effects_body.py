@@ -84,7 +84,9 @@ class BodyMassConfig(EffectConfig):
     kind: str = effect_kind("body_mass")
     factor: Ratio = parameter(neutral=1.0, bounds=(0.01, 100.0), plausible=(0.75, 1.35), example=1.1)
     """true mass / model's"""
-    inertia_power: float = parameter(unit="1", neutral=1.0, bounds=(0.0, 3.0), plausible=(0.4, 1.6), role="form")
+    inertia_power: float = parameter(
+        unit="1", neutral=1.0, bounds=(0.0, 3.0), plausible=(0.4, 1.6), role="form"
+    )
     """power of the factor in the inertia: 1 for another density, less where the mass is near the centre, 5/3 for
     another size"""
 

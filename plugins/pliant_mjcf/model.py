@@ -34,6 +34,7 @@ from pliant_mjcf.channels import check_unique, check_units, driven_inputs, read_
 from pliant_mjcf.config import MjcfModelConfig
 from pliant_mjcf.loaded import Loaded
 from pliant_mjcf.mjcf import add_sensors, attachments, changed_model, compile_spec, read_spec, world_has
+from pliant_mjcf.number_errors import number_changes
 from pliant_mjcf.places import has_place
 from pliant_mjcf.remarks import run_remarks
 from pliant_mjcf.sampling import Samples
@@ -99,6 +100,15 @@ class MjcfModel(SystemModel):
     def adapted(self, kind: str, declared: EffectParameter) -> EffectParameter:
         """Return the parameter in the size of the places where it acts; see `pliant_mjcf.scales`."""
         return adapted_parameter(self.scales, kind, declared)
+
+    @property
+    def number_error(self) -> float | None:
+        """Return what the study states."""
+        return self.config.number_error
+
+    def number_changes(self, share: float) -> tuple[object, ...]:
+        """Return a change of each number of the file that may be off."""
+        return number_changes(self.loaded.model, share)
 
     def simulate(self, parts: SystemParts, drives: Sequence[Drive]) -> tuple[SystemReadings, ...]:
         """Return the readings of each run; raise `UserError` if all runs of the unchanged MJCF diverge at once."""

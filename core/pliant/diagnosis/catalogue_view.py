@@ -90,7 +90,7 @@ class CatalogueView:
 
     def with_law_error(self, law: LawReference | None) -> CatalogueView:
         """Return the view with the changes by the law's own error, as in the fits."""
-        if law is None:
+        if law is None or law.basis is None:
             return self
         columns = law_columns(self.predictor, self.readings, (), law.basis)
         return self if columns is None else replace(self, law_columns=columns)

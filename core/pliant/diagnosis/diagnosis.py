@@ -211,6 +211,7 @@ def diagnose(
     )
     law_prior = law_prior or law_error_prior(predictor.law_error)
     fitter = fitter.with_law_error(nothing, law_prior, seen.n_effective)
+    law = fitter.law if fitter.law is not None and fitter.law.basis is not None else None
     threads = own_threads() if predictor.threads else 1
     with executor_for(workers, threads=threads) as executor:
         if executor.remote:
@@ -236,13 +237,13 @@ def diagnose(
         for kind in chosen
         if not np.all(np.isfinite(search.fits[(kind,)].residual))
     ]
-    bare = law_off(predictor, measurement, readings, fitter.law, search.fits[NOTHING], table.noise)
+    bare = law_off(predictor, measurement, readings, law, search.fits[NOTHING], table.noise)
     judgement = judge(table, thresholds, len(chosen) - len(unexcited), f" {bare.words}" if bare else "")
     explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
     off = None
     if table.law_is_off(explained):
         fit = search.fits[explained]
-        off = law_off(predictor, measurement, readings, fitter.law, fit, table.noise) if explained else bare
+        off = law_off(predictor, measurement, readings, law, fit, table.noise) if explained else bare
     noiseless = Remark(
         f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range.",
         Rank.FLOOR,
@@ -250,7 +251,7 @@ def diagnose(
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
-    view = catalogue_view(predictor, readings.scales, n, runs).with_law_error(fitter.law)
+    view = catalogue_view(predictor, readings.scales, n, runs).with_law_error(law)
     belief = Belief.from_fits(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     reasons = importance(residuals, found, dict(readings.scales))
@@ -265,9 +266,9 @@ def diagnose(
         readings=readings,
         noise=table.noise,
         not_excited=_ways_to_excite(view, registry, shown, unexcited),
-        indistinguishable=confounded_with(shown, search.fits, n, fitter.law),
-        classes=split_classes(registry, view, excited, n, judgement.credible, fitter.law),
-        detectable=detectable(shown, n, thresholds, fitter.law),
+        indistinguishable=confounded_with(shown, search.fits, n, law),
+        classes=split_classes(registry, view, excited, n, judgement.credible, law),
+        detectable=detectable(shown, n, thresholds, law),
         depends_on=reasons,
         circumstances={item.name: item.shown.label for item in found.items},
         next_run=ahead,
@@ -291,7 +292,7 @@ def diagnose(
         law_off=off,
         law_alone=bare,
         bookkeeping=mistakes,
-        law=fitter.law,
+        law=law,
     )
 
 

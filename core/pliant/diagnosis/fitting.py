@@ -20,6 +20,7 @@ from pliant.diagnosis.law_discrepancy import (
     LawReference,
     law_columns,
     law_error_basis,
+    number_error_columns,
     strongest,
 )
 from pliant.diagnosis.law_posterior import LawError, LawErrorPrior, Whitener
@@ -102,9 +103,13 @@ class Fitter:
             prior: of the error's size.
             n_effective: independent readings.
         """
-        basis = law_error_basis(self.predictor)
-        if basis is None or not np.isfinite(nothing.raw).all():
+        if not np.isfinite(nothing.raw).all():
             return self
+        basis = law_error_basis(self.predictor)
+        if basis is None:
+            found = number_error_columns(self.predictor.refined(nothing.parts), self.readings, prior.most)
+            reference = None if found is None else LawReference(None, prior, found, n_effective)
+            return Fitter(self.predictor, self.readings, self.weights, reference)
         columns = self._law_columns(nothing.candidate, nothing.x, nothing.parts, basis)
         if columns is None:
             return self
@@ -224,7 +229,7 @@ class Fitter:
 
     def with_own_law_error(self, fit: EffectFit) -> EffectFit:
         """Return the fit with the sensitivities and the size of the law's error at its own point."""
-        if self.law is None or fit.law is None:
+        if self.law is None or self.law.basis is None or fit.law is None:
             return fit
         own = self._law_columns(fit.candidate, fit.x, fit.parts, self.law.basis)
         if own is None:

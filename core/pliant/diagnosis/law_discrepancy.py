@@ -14,6 +14,9 @@ precision
 
     V⁻¹ = w (I − B (BᵀB + I / (w s²))⁻¹ Bᵀ).
 
+A model of one's own has no law. Its numbers (masses, lengths, stiffness, …) are off by independent shares of them,
+which enter the readings in the same way, with the sensitivities of the unchanged model.
+
 The size s has a log-normal prior about the stated (`law_error` of a study) or the usual size, and is integrated over a
 grid (`LawErrorPrior`); with probability `EXACT` the law has no error. δ cannot imitate effects with a memory, a clock,
 or a shape that is not smooth.
@@ -47,8 +50,8 @@ BEYOND = 0.1
 # Directions that change the readings by less than this (in noise floors, at the largest usual size) are dropped.
 LEAST_FELT = 0.05
 MOST_DIRECTIONS = 16
-# Step of a coefficient for sensitivities.
-STEP = 1e-3
+# Step of a coefficient for sensitivities, and of a number of a model as a share of it.
+STEP, NUMBER_STEP = 1e-3, 1e-3
 JITTER = 1e-8
 
 
@@ -152,11 +155,30 @@ def strongest(basis: LawErrorBasis, columns: Array, most: float) -> tuple[LawErr
         columns: (N, K) change of the readings, in noise floors, per unit of each coefficient.
         most: a size, as a share of the torque range.
     """
+    turn, kept = _felt(columns, most)
+    return LawErrorBasis(basis.form, basis.directions @ turn, basis.effort), kept
+
+
+def _felt(columns: Array, most: float) -> tuple[Array, Array]:
+    """Return combinations (K, m) of coefficients that the readings detect at the size `most`, and their columns."""
     left, sizes, right = np.linalg.svd(columns, full_matrices=False)
     felt = most * sizes / np.sqrt(len(columns)) > LEAST_FELT
     felt[MOST_DIRECTIONS:] = False
-    kept = LawErrorBasis(basis.form, basis.directions @ right[felt].T, basis.effort)
-    return kept, left[:, felt] * sizes[felt]
+    return right[felt].T, left[:, felt] * sizes[felt]
+
+
+def number_error_columns(predictor: MeasuredModel, readings: ReadingVector, most: float) -> Array | None:
+    """Return (N, m) the sensitivities of the readings to errors of a model's own numbers; None if they show none.
+
+    The errors of the numbers, as shares of them, are independent and of one size, at most `most`: a smooth static error
+    like that of a law, with another basis.
+    """
+    changes = predictor.number_sensitivities(NUMBER_STEP)
+    if not changes:
+        return None
+    columns = np.stack([readings.pack(change) for change in changes], axis=1) / NUMBER_STEP
+    _, kept = _felt(np.where(np.isfinite(columns), columns, 0.0), most)
+    return kept if kept.shape[1] else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +186,13 @@ class LawReference:
     """The law's error for fits before their sensitivities are known.
 
     Attributes:
-        basis: its directions.
+        basis: its directions; None for errors of the numbers of a model of one's own.
         prior: of its size.
         columns: (N, m) sensitivities of the readings for the unchanged model.
         n_effective: independent readings.
     """
 
-    basis: LawErrorBasis
+    basis: LawErrorBasis | None
     prior: LawErrorPrior
     columns: Array
     n_effective: float

@@ -72,11 +72,11 @@ def law_off(
         fit: the hypothesis.
         noise: estimated from the best hypothesis.
     """
-    if not isinstance(predictor, Predictor) or reference is None or fit.law is None:
+    basis = None if reference is None else reference.basis
+    if not isinstance(predictor, Predictor) or basis is None or fit.law is None:
         return None
     if not np.isfinite(fit.raw).all():
         return None
-    basis = reference.basis
     change = fit.law.change
     worst = int(np.argmax(np.abs(change)))
     output = readings.outputs[readings.output[worst]]

@@ -145,7 +145,7 @@ class HypothesisSearch:
 
     def _is_imitated(self, change: Array) -> bool:
         """Return whether the law's own error explains most of a change (N,) of the readings."""
-        if self.fitter.law is None or not np.isfinite(change).all():
+        if self.fitter.law is None or self.fitter.law.basis is None or not np.isfinite(change).all():
             return False
         left = self.fitter.whitened(change)
         return float(left @ left) < LEFT_BY_LAW * float(change @ change)
@@ -168,7 +168,8 @@ class HypothesisSearch:
         noise = self.noise(self.fits[best.kinds])
         law = self.fitter.law
         largest = 0.0 if law is None else law.largest_price(noise.n_effective)
-        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, law is not None, largest)
+        has_law = law is not None and law.basis is not None
+        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, has_law, largest)
 
     def noise(self, fit: EffectFit) -> NoiseView:
         """Return noise from the residuals of a fit; the last one is cached, because the best fit is often the same."""

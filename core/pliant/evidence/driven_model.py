@@ -72,6 +72,7 @@ class DrivenModel(MeasuredModel):
         self._recent = Simulations()
         self._firsts = tuple(map(_first_readings, measurement.runs))
         self._base = self._changed(self._parts(), self.effects)
+        self.law_error = system.number_error
         self._set_outputs()
         if not self.outputs:
             raise UserError(
@@ -250,6 +251,17 @@ class DrivenModel(MeasuredModel):
         return base, tuple(
             changes[k] if k in changes else self._difference(base, effects, other)
             for k, other in enumerate(towards)
+        )
+
+    def number_sensitivities(self, share: float) -> tuple[tuple[RunReadings, ...], ...]:
+        """Return the changes of the readings by a share of each of the system's own numbers."""
+        if not self.law_error:
+            return ()
+        parts, base = self._base, self.evaluate().runs
+        drives = self._drives(parts, None)
+        every = [parts.with_change(change) for change in self.system.number_changes(share)]
+        return tuple(
+            differences(base, self._read(one, drives, self.system.simulate(one, drives))) for one in every
         )
 
     def _is_of_system(self, effects: Sequence[EffectConfig], other: Sequence[EffectConfig]) -> bool:

@@ -45,7 +45,8 @@ class MeasuredModel(ABC):
         context: plugins and store; its registry has the effects of this kind of model.
         measurement: the runs.
         outputs, missing: measured outputs that the model has, and those that it lacks.
-        law_error: stated error of the joint laws, as a share of their torque range; None where nothing is stated.
+        law_error: stated error of the joint laws, as a share of their torque range, or of the numbers of one's own
+            model, as a share of each; None where nothing is stated.
         parts: steps of the integration from sample to sample.
         heed: called before every prediction; it may raise to stop the work.
     """
@@ -127,6 +128,10 @@ class MeasuredModel(ABC):
     def places_of_kind(self, kind: str) -> list[str]:
         """Return the kinds of effects that act at one of several places of a kind each; empty for a single place."""
         return []
+
+    def number_sensitivities(self, share: float) -> tuple[tuple[RunReadings, ...], ...]:
+        """Return for each of the model's own numbers the change of the readings by a small share of it; () if exact."""
+        return ()
 
     @property
     def is_conditioned(self) -> bool:

@@ -193,6 +193,15 @@ class SystemModel(Configured[ModelConfig]):
         """
         return None
 
+    @property
+    def number_error(self) -> float | None:
+        """Return the share by which the model's own numbers may be off; None where they are taken as exact."""
+        return None
+
+    def number_changes(self, share: float) -> tuple[object, ...]:
+        """Return a change (`SystemParts.changes`) for each of the model's own numbers, by this share of it."""
+        return ()
+
     def remarks(self, drives: Sequence[Drive]) -> tuple[str, ...]:
         """Return sentences on these runs that limit a comparison, such as contacts that chatter."""
         return ()
