@@ -21,6 +21,8 @@ from pliant_bench.plans import CONDITIONS, VALVE
 from pliant_bench.protocol_space import STILL_S, ProtocolSpace
 from pliant_bench.run_search import RunSearch
 
+# Explanations that are no class are left undecided only after this many runs.
+FEWEST_RUNS = 10
 NO_FURTHER = "No allowed run would show a further effect of the list."
 __all__ = ["Choice", "SearchEffort", "choose_next", "first_runs"]
 
@@ -112,6 +114,9 @@ def choose_next(
     if choice is not None:
         return choice
     if asked.purpose == "decide":
+        if not diagnosis.judgement.selected_class and len(done) < FEWEST_RUNS:
+            if (more := search.more_readings(effort)) is not None:
+                return more
         words = " or ".join(named(kinds) for kinds in asked.contenders)
         why = f"No allowed run would decide between the explanations that are left: {words}."
         return Choice(None, "decide", why, splits=False)
