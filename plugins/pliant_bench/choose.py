@@ -114,9 +114,9 @@ def choose_next(
     if choice is not None:
         return choice
     if asked.purpose == "decide":
-        if not diagnosis.judgement.selected_class and len(done) < FEWEST_RUNS:
-            if (more := search.more_readings(effort)) is not None:
-                return more
+        is_early = not diagnosis.judgement.selected_class and len(done) < FEWEST_RUNS
+        if is_early and (more := search.more_readings(effort)) is not None:
+            return more
         words = " or ".join(named(kinds) for kinds in asked.contenders)
         why = f"No allowed run would decide between the explanations that are left: {words}."
         return Choice(None, "decide", why, splits=False)
