@@ -55,8 +55,8 @@ class MjcfModelConfig(ModelConfig):
         0.005,
         ge=0.0,
         le=0.2,
-        description="share by which masses, inertias, lengths, damping, stiffness and gains of the file may each be off; "
-        "a diagnosis takes no such error for an effect, and 0 takes them as exact",
+        description="share by which each mass, inertia, length, damping, stiffness and gain of the file may be off; a "
+        "diagnosis takes no such error for an effect, and 0 takes them as exact",
     )
     initial: str | Mapping[str, float] | None = Field(
         None,
