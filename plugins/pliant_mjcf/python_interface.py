@@ -18,6 +18,7 @@ def mjcf_model(
     outputs: Mapping[str, str] | None = None,
     initial: str | Mapping[str, float] | None = None,
     fixed: Mapping[str, float] | Sequence[str] | None = None,
+    number_error: float | None = None,
     effects: Sequence[Block] = (),
     measurements: Block | Path | None = None,
     name: str | None = None,
@@ -32,6 +33,7 @@ def mjcf_model(
         outputs: column → sensor, joint or site; every sensor without it.
         initial: ``"first"``, ``"settled"``, a keyframe, or joint → position.
         fixed: actuators that are no columns, with their constant ctrl.
+        number_error: share by which each number of the file may be off; half a per cent by default, 0 for none.
         effects: effects in addition to the model, in this order.
         measurements: the recording, with its renames and units.
         name: of the study; the file's name without it.
@@ -49,7 +51,13 @@ def mjcf_model(
     >>> model.config.model.kind
     'mjcf'
     """
-    stated = {"inputs": inputs, "outputs": outputs, "initial": initial, "fixed": fixed}
+    stated = {
+        "inputs": inputs,
+        "outputs": outputs,
+        "initial": initial,
+        "fixed": fixed,
+        "number_error": number_error,
+    }
     block = {
         "kind": "mjcf",
         "file": str(Path(file).resolve()),
