@@ -69,7 +69,7 @@ def kinds_at_places(
     kinds, _ = applicable(search.registry, search.fitter, asked, executor)
     likely = _most_explaining(search, kinds, executor)
     shown = excitations(search.registry, search.fitter, nothing, likely, executor)
-    return sorted(shown, key=lambda kind: -explained_by(nothing.residual, shown[kind])), shown
+    return sorted(shown, key=lambda kind: -explained_by(nothing.raw, shown[kind])), shown
 
 
 def _most_explaining(search: HypothesisSearch, kinds: Sequence[str], executor: Executor) -> list[str]:
@@ -157,5 +157,5 @@ def _explained_by_output(search: HypothesisSearch, kind: str) -> float:
     columns = np.column_stack([shown.change, shown.slopes, nothing.raw - fit.raw, fit.slopes])
     output = search.readings.output
     return sum(
-        explained_by_columns(nothing.residual[output == k], columns[output == k]) for k in np.unique(output)
+        explained_by_columns(nothing.raw[output == k], columns[output == k]) for k in np.unique(output)
     )

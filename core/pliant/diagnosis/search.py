@@ -107,7 +107,7 @@ class HypothesisSearch:
         """
         self._fit([NOTHING])
         if not self.fitter.predictor.has_derivatives:
-            residual = self.fits[NOTHING].residual
+            residual = self.fits[NOTHING].raw
             gains = {kind: explained_by(residual, self.shown[kind]) for kind in kinds}
             ranked = sorted(gains, key=lambda kind: -gains[kind])
             likely = LIKELY_BY_COSTLY_SLOPES if self.fitter.predictor.costly_slopes else LIKELY
