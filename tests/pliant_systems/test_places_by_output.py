@@ -68,8 +68,8 @@ def test_every_kind_that_could_explain_a_quarter_of_the_best_is_tried_at_its_pla
     monkeypatch.setattr(places, "_most_explaining", lambda *_: [])
     monkeypatch.setattr(places, "excitations", lambda *_: {})
     places.kinds_at_places(search, model, None)  # type: ignore[arg-type]
-    # g, the first by evidence with f, and all others by what they explain; none of them is limited in number
-    assert asked == [f"{kind}@{place}" for kind in "gfabcde" for place in (1, 2)]
+    # all by what they explain, and g, the first by evidence; none of them is limited in number
+    assert asked == [f"{kind}@{place}" for kind in "abcdefg" for place in (1, 2)]
     asked.clear()
     monkeypatch.setattr(places, "log_evidence", lambda *_: {(kind,): -ord(kind) for kind in explained})
     places.kinds_at_places(search, model, None)  # type: ignore[arg-type]
