@@ -6,7 +6,7 @@
     payload           m' = m + μ,    c' = (m c + μ p) / m',    J' = J + m S(c − c') + μ S(p − c')
 
 with the mass m, the centre of mass c and the rotational inertia J about it, of each chosen body; S(r) = |r|² 1 − r rᵀ
-(parallel axes, Huygens & Steiner), and the payload μ as a point at the origin p of the body's frame or at a site of it.
+(parallel axes, Huygens & Steiner), and the payload μ as a point p, given from the origin of the body's frame or a site.
 """
 
 from __future__ import annotations
@@ -177,13 +177,19 @@ class PayloadConfig(EffectConfig):
     kind: str = effect_kind("payload")
     mass_kg: Mass = parameter(neutral=0.0, bounds=(0.0, 1e4), plausible=(0.0, 0.2), example="50 g")
     """additional point mass"""
+    x_m: Length = parameter(neutral=0.0, bounds=(-10.0, 10.0), plausible=(-0.05, 0.05), role="form")
+    """from the origin of the body's frame, or from the site, along x of the body's frame"""
+    y_m: Length = parameter(neutral=0.0, bounds=(-10.0, 10.0), plausible=(-0.05, 0.05), role="form")
+    """the same along y"""
+    z_m: Length = parameter(neutral=0.0, bounds=(-10.0, 10.0), plausible=(-0.05, 0.05), role="form")
+    """the same along z"""
     site: str = Field(
-        "", description="site of the body at which it is; at the origin of the body's frame without"
+        "", description="site of the body near which it is; near the origin of the body's frame without"
     )
 
 
 class Payload(MovedMass):
-    """A point mass at the origin of a body's frame, or at a site."""
+    """A point mass at or near the origin of a body's frame, or a site."""
 
     config: PayloadConfig
     notes = replace(
@@ -223,6 +229,7 @@ class Payload(MovedMass):
 
     def change(self, model: Any) -> None:
         point = model.site_pos[self._site(model)].copy() if self.config.site else np.zeros(3)
+        point += (self.config.x_m, self.config.y_m, self.config.z_m)
         for k in self.numbers(model):
             add_point(model, k, self.config.mass_kg, point)
 
