@@ -87,7 +87,7 @@ ASKED = (
         EXAMPLES / "helix.yaml",
         ("search.generations=8", "search.halving={factor: 3}"),
     ),
-    Asked("integers", "one search, modules as integers, roll free", EXAMPLES / "integers.yaml"),
+    Asked("integers", "one search, modules as integers, roll free", EXAMPLES / "integers.yaml", ROUNDS),
     Asked(
         "axis_along_base",
         "the other reading, its axis along the base's; as integers, no joint outside its law's data",

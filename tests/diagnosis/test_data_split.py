@@ -50,6 +50,14 @@ def test_training_keeps_repeats_to_see_its_noise_by():
     assert abs(floor.value / 0.01 - 1) < 0.1
 
 
+def test_the_only_repeated_condition_stays_in_training():
+    ramps = [np.linspace(0, top, 7) for top in (15e3, 14e3, 9e3, 8e3, 4e3)]
+    runs = [History.from_arrays({"pressure_pa": ramps[k]}, run=f"run {k}") for k in range(5)]
+    again = runs[0].with_(run="run 0 again")
+    found = split_runs(blank([runs[0], again, *runs[1:]]))
+    assert found.runs and not {0, 1} & set(found.runs)
+
+
 def test_readings_do_not_decide():
     measurement = zeros()
     readings = [{"angle_rad": np.full(len(run), float(k))} for k, run in enumerate(measurement.runs)]

@@ -151,6 +151,13 @@ def test_readings_that_are_never_finite(study: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("verb", ["compare", "diagnose"])
+def test_readings_that_are_finite_at_the_beginning_only(study: Path, verb: str) -> None:
+    late = "    found[5:] = np.nan\n    return {'angle_rad': found[:, 0], 'speed_rad_s': found[:, 1]}"
+    changed(study, RETURN, late)
+    refused(study, "no finite reading in", "it diverges there, or returns NaN", verb=verb)
+
+
 def test_a_shape_that_changes_with_a_parameter_is_named(study: Path) -> None:
     """The effect is left out with the reason, the others are judged."""
     short = "    short = found[: 20 - int(k != 2.0)]\n    return {'angle_rad': short[:, 0], 'speed_rad_s': short[:, 1]}"

@@ -57,7 +57,8 @@ def split_runs(measurement: Measurement, share: float = SHARE) -> TrainTestSplit
     """Hold out about `share` of the runs; only inputs decide, never readings; the same runs give the same parts.
 
     1. From `ENOUGH` conditions on, one condition with all its runs: the one most similar to another one and not unique
-    in what it shows, so that training still spans all that was done.
+    in what it shows, so that training still spans all that was done. The only repeated condition stays: it shows the
+    noise.
     2. The last repeat of further conditions, evenly over the list, one each; of conditions done twice at most half, so
     that training keeps repeats to estimate its noise.
     3. If that is too little, further conditions chosen like the first, as long as `KEPT` remain.
@@ -71,7 +72,8 @@ def split_runs(measurement: Measurement, share: float = SHARE) -> TrainTestSplit
         )
     wanted = max(round(share * len(read)), 1)
     conditions = _conditions(measurement, read)
-    alike = _most_alike(measurement, conditions)
+    several = [c for c in range(len(conditions)) if len(conditions[c]) > 1]
+    alike = [c for c in _most_alike(measurement, conditions) if several != [c]]
     locked: list[int] = []
     gone: list[int] = []
     if alike and len(conditions) >= ENOUGH and len(conditions[alike[0]]) <= wanted:

@@ -56,7 +56,7 @@ from pliant.diagnosis.readings import SHARE_OF_RANGE, ReadingVector, readings_ov
 from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, Verdict, judge
-from pliant.errors import NotReachedError, UserError
+from pliant.errors import NotReachedError
 from pliant.evidence.bookkeeping.findings import find_mistakes
 from pliant.evidence.bookkeeping.mistake import Mistake
 from pliant.evidence.compared import predict_knowing
@@ -330,11 +330,6 @@ def _followed(
     of = sum(map(len, runs))
     if not has_law:
         where = f"The model has no finite reading in {n} of {of} samples, most of them in run '{worst}'"
-        if n > MOST_WITHOUT * of:
-            raise UserError(
-                f"{measurement.source}: {where[:1].lower()}{where[1:]}: it diverges there, or returns NaN. Look at "
-                "that run's inputs and first readings, and at the model's time step."
-            )
         return replace(measurement, runs=tuple(runs)), (f"{where}: these readings are left out.",)
     if n > MOST_WITHOUT * of:
         raise NotReachedError(

@@ -192,7 +192,7 @@ def _remarks(
         for name in names
     )
     if lost:
-        remarks.append(f"{lost} readings are left out, because the model found no equilibrium there.")
+        remarks.append(f"{lost} readings are left out, because the model has no finite prediction there.")
     if left := [name for name in measurement.outputs if name not in names]:
         remarks.append(f"Not compared, because the model or the file has no values of it: {', '.join(left)}.")
     if len(measurement.runs) == 1:

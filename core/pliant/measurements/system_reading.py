@@ -130,8 +130,12 @@ def _read(
     read = {column.written for column in found.values()}
     unread = [name for name in sheet.header if name and name not in read]
     if unread:
-        said.append(detail(f"Columns {', '.join(unread)} are no channels of the model and are ignored."))
-        said += _misspelt(unread, [c.name for c in (*inputs, *outputs) if c.name not in table], notes_name)
+        absent = [c.name for c in (*inputs, *outputs) if c.name not in table]
+        others = f" Channels without a column: {', '.join(absent)}." if absent else ""
+        said.append(
+            detail(f"Columns {', '.join(unread)} are no channels of the model and are ignored.{others}")
+        )
+        said += _misspelt(unread, absent, notes_name)
     said += _large_angles(table, found, notes_name)
     return Measurement(
         tuple(runs),

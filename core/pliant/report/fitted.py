@@ -205,7 +205,7 @@ def estimate_text(one: Estimate) -> str:
 def implausible_text(one: Estimate) -> str:
     """Return a sentence on a value outside its plausible range, and its meaning."""
     plausible, unit = one.parameter.plausible, one.parameter.unit
-    low, high = (strength_text(value, unit) for value in plausible)
+    low, high = (display_unit(unit).text(value, 3) for value in plausible)
     beyond = max(plausible[0] - one.value, one.value - plausible[1])
     means = (
         ", but not by more than its own uncertainty"
