@@ -100,7 +100,11 @@ class Estimate:
 
     def told(self, unit: Unit) -> str:
         """Return the same words in another unit."""
-        low, high = number(unit.factor * self.low, 3), number(unit.factor * self.high, 3)
+        # as many digits as the interval's length needs
+        largest, length = max(abs(self.low), abs(self.high)), self.high - self.low
+        narrow = 0.0 < length < 0.1 * largest and math.isfinite(largest)
+        digits = 2 + math.ceil(math.log10(largest / length)) if narrow else 3
+        low, high = number(unit.factor * self.low, digits), number(unit.factor * self.high, digits)
         between = f"between {low} and {high}"
         if self.open_low or self.open_high:
             between = f"below {high}" if self.open_low else f"above {low}"
