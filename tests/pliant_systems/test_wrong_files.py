@@ -10,6 +10,9 @@ from tests.pliant_systems.hinge import MODEL, write_bench
 from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
+from pliant.errors import UserError
+from pliant.interfaces.model import Channel
+from pliant.measurements.system_reading import read_system_measurement
 
 
 @pytest.fixture
@@ -149,6 +152,16 @@ def test_readings_that_are_never_finite(study: Path) -> None:
     refused(
         study, "the model has no finite reading in any measured run", "Simulate one run with the model alone"
     )
+
+
+def test_a_unit_in_a_column_of_a_channel_without_one(tmp_path: Path) -> None:
+    (tmp_path / "bench.csv").write_text("time_s,pull_n,angle_rad\n0,1,0.1\n1,2,0.2\n")
+    with pytest.raises(
+        UserError, match=r"'pull', an input of the model, has no known unit.*'rename: {pull_n: pull}'"
+    ):
+        read_system_measurement(
+            tmp_path / "bench.csv", None, [Channel("pull")], [Channel("angle_rad", "rad")]
+        )
 
 
 @pytest.mark.parametrize("verb", ["compare", "diagnose"])

@@ -198,6 +198,12 @@ def _check_columns(
     others = [name for name in header if name and name not in {c.written for c in found.values()}]
     rename = f"write 'rename: {{its name: %s}}' in {notes_name}"
     for name, what in [("time_s", "the clock"), *((c.name, c.label or "an input") for c in inputs)]:
+        with_unit = next((one for one in others if one != name and split_unit(one)[0] == name), "")
+        if name not in found and with_unit:
+            raise UserError(
+                f"{path}: '{name}', {what} of the model, has no known unit, and '{with_unit}' has one. If its numbers "
+                f"are what the model takes, write 'rename: {{{with_unit}: {name}}}' in {notes_name}."
+            )
         if name not in found:
             raise UserError(
                 f"{path}: no column is '{name}', {what} of the model{closest(name, others)} The file has "
