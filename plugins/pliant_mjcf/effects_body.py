@@ -87,8 +87,7 @@ class BodyMassConfig(EffectConfig):
     inertia_power: float = parameter(
         unit="1", neutral=1.0, bounds=(0.0, 3.0), plausible=(0.4, 1.6), role="form"
     )
-    """power of the factor in the inertia: 1 for another density, less where the mass is near the centre, 5/3 for
-    another size"""
+    """power of the factor in the inertia: 1 for another density, below it with mass near the centre"""
 
 
 class BodyMass(BodyEffect):

@@ -82,6 +82,7 @@ ELSEWHERE = {
     "search.verify": "the winner's direct FEM: tests/search",
     "search.polish": "descents from the best candidates: tests/search/test_polish.py",
     "measurements.max_samples": "more samples than any example has: tests/measurements",
+    "model.number_error": "errors of a file's numbers in a diagnosis: tests/pliant_mjcf/test_diagnose_arm.py",
     "measurements.trials": "success counts: tests/pliant_counts",
     "measurements.plausible": "success counts: tests/pliant_counts",
     "fem.self_contact": "the stand-in of the solver has no walls: tests/fem/test_contact.py",
