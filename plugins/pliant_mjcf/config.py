@@ -51,7 +51,7 @@ class MjcfModelConfig(ModelConfig):
     fixed: Mapping[str, float] = Field(
         default_factory=dict, description="actuator → constant ctrl; a list of names means ctrl 0"
     )
-    number_error: Ratio | None = Field(
+    number_error: Ratio = Field(
         0.005,
         ge=0.0,
         le=0.2,

@@ -102,8 +102,8 @@ class MjcfModel(SystemModel):
         return adapted_parameter(self.scales, kind, declared)
 
     @property
-    def number_error(self) -> float | None:
-        """Return what the study states."""
+    def number_error(self) -> float:
+        """Return the share that the study states."""
         return self.config.number_error
 
     def number_changes(self, share: float) -> tuple[object, ...]:

@@ -211,7 +211,7 @@ def diagnose(
     )
     law_prior = law_prior or law_error_prior(predictor.law_error)
     fitter = fitter.with_law_error(nothing, law_prior, seen.n_effective)
-    law = fitter.law if fitter.law is not None and fitter.law.basis is not None else None
+    law = fitter.joint_law
     threads = own_threads() if predictor.threads else 1
     with executor_for(workers, threads=threads) as executor:
         if executor.remote:

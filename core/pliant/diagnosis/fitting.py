@@ -95,6 +95,11 @@ class Fitter:
         model = pickle.dumps((self.predictor, self.readings, self.weights, self.law))
         return _arrived, (files, self.code, model)
 
+    @property
+    def joint_law(self) -> LawReference | None:
+        """Return the error of the joint law; None without one, also where it is that of a model's own numbers."""
+        return self.law if self.law is not None and self.law.basis is not None else None
+
     def with_law_error(self, nothing: EffectFit, prior: LawErrorPrior, n_effective: float) -> Fitter:
         """Return a fitter with the law's error in every hypothesis; itself if these runs cannot show one.
 

@@ -145,7 +145,7 @@ class HypothesisSearch:
 
     def _is_imitated(self, change: Array) -> bool:
         """Return whether the law's own error explains most of a change (N,) of the readings."""
-        if self.fitter.law is None or self.fitter.law.basis is None or not np.isfinite(change).all():
+        if self.fitter.joint_law is None or not np.isfinite(change).all():
             return False
         left = self.fitter.whitened(change)
         return float(left @ left) < LEFT_BY_LAW * float(change @ change)
@@ -168,7 +168,7 @@ class HypothesisSearch:
         noise = self.noise(self.fits[best.kinds])
         law = self.fitter.law
         largest = 0.0 if law is None else law.largest_price(noise.n_effective)
-        has_law = law is not None and law.basis is not None
+        has_law = self.fitter.joint_law is not None
         return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, has_law, largest)
 
     def noise(self, fit: EffectFit) -> NoiseView:
@@ -184,7 +184,6 @@ class HypothesisSearch:
         plain = self.fitter.whitened(self.fits[NOTHING].raw)
         screened = SCREENED if self.fitter.predictor.has_derivatives else SCREENED_BY_DIFFERENCES
         for size in range(2, min(MOST_EFFECTS, n_kinds) + 1):
-            before = self._best([key for key in self.fits if len(key) < size])
             sets = directions.highest_ranked(plain, size, screened)
             if size == 2 and self.fitter.predictor.has_derivatives:
                 sets += self._pairs(directions.kinds)

@@ -194,9 +194,9 @@ class SystemModel(Configured[ModelConfig]):
         return None
 
     @property
-    def number_error(self) -> float | None:
-        """Return the share by which the model's own numbers may be off; None where they are taken as exact."""
-        return None
+    def number_error(self) -> float:
+        """Return the share by which the model's own numbers may be off; 0 where they are taken as exact."""
+        return 0.0
 
     def number_changes(self, share: float) -> tuple[object, ...]:
         """Return a change (`SystemParts.changes`) for each of the model's own numbers, by this share of it."""
