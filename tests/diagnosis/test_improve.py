@@ -257,6 +257,7 @@ def test_one_among_several_look_alikes_stands_for_all(tmp_path):
     assert "stands for one of" in step.why and "the run that would is" in step.why
     assert step.training.over_floor < 0.6 * found.steps[0].training.over_floor  # blocks left out
     assert " (or " in step.named and step.named in summary(found)
+    assert "cannot be distinguished here from" in summary(found)
     assert found.scored_on == "blocks left out"
     assert found.final.effects == step.effects  # the scored effects are kept
 
@@ -278,7 +279,7 @@ def test_prediction_takes_a_step_that_no_verdict_names(tmp_path):
     assert added(found)[0] == "actuation_gain" and found.steps[1].cause == "open"
     assert found.steps[1].locked.over_floor < 0.8 * found.steps[0].locked.over_floor
     assert "not because these data name it" in found.steps[1].why
-    assert "Nothing is named as the cause" in summary(found)
+    assert "Nothing is named as the cause; actuation_gain" in summary(found)
 
 
 def _thinned(run, every):

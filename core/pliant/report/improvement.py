@@ -157,12 +157,19 @@ def doubts(improvement: Improvement) -> list[str]:
 def causes(improvement: Improvement) -> str:
     """Return which of the steps a verdict names as the cause, if any cause is open."""
     steps = [step for step in improvement.steps if step.added and step.learned is None]
-    named = [kind for step in steps if step.cause == "named" for kind in step.added]
-    unnamed = [kind for step in steps if step.cause != "named" for kind in step.added]
+    unnamed = [step for step in steps if step.cause != "named"]
     if not unnamed:
         return ""
+    named = [kind for step in steps if step.cause == "named" for kind in step.added]
     known = f"Named as causes: {listed(named)}" if named else "Nothing is named as the cause"
-    return f"{known}; {listed(unnamed)} stand{'s' if len(unnamed) == 1 else ''} for all effects that predict as well."
+    return "; ".join([known, *map(_open_cause, unnamed)]) + "."
+
+
+def _open_cause(step: Step) -> str:
+    others = [kind for kind in step.stands_for if kind not in step.added]
+    if others:
+        return f"{listed(step.added)} cannot be distinguished here from {listed(others)}"
+    return f"{listed(step.added)} predicts better, its cause is open"
 
 
 def origin(improvement: Improvement, cited: str) -> str:

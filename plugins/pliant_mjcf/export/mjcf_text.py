@@ -19,6 +19,8 @@ from pliant_plugins.physics.mujoco.warned import silent
 DIGITS = 17  # that give every float back
 TAG = re.compile(r"<(/?)([\w]+)([^>]*?)(/?)>")
 NAME = re.compile(r'\b(?:name|class)="([^"]*)"')
+# How MuJoCo stores a body, without a meaning for its motion.
+SIMPLE = ' simple="false"'
 LIBRARY = re.compile(r"(lib)?mujoco\.(so|dylib|dll|\d).*")
 VALUE = re.compile(r'"([^"]*)"')
 # tag and name of an element, or the path to it where it has no name
@@ -34,11 +36,9 @@ def mjcf_text(spec: Any) -> str:
 
 def changed_elements(before: str, after: str) -> list[Key]:
     """Return the elements of the second text that the first does not have, or has with other attributes."""
-    old, new = before.splitlines(), after.splitlines()
+    old, new = ([line.strip() for line in text.replace(SIMPLE, "").splitlines()] for text in (before, after))
     keys = element_keys(new)
-    matcher = SequenceMatcher(
-        a=[line.strip() for line in old], b=[line.strip() for line in new], autojunk=False
-    )
+    matcher = SequenceMatcher(a=old, b=new, autojunk=False)
     changed = [
         k for tag, _, _, a, b in matcher.get_opcodes() if tag in ("replace", "insert") for k in range(a, b)
     ]
