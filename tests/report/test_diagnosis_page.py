@@ -41,7 +41,7 @@ from pliant.report.diagnosis_page import (
     parameter_texts,
 )
 from pliant.report.evidence_view import Diagnosed
-from pliant.report.fitted import most_probable, value_text
+from pliant.report.fitted import most_probable, parameter_word, value_text
 from pliant.report.render import page as rendered
 
 FEW = ("stiffness", "actuation_gain", "viscoelastic", "thermal_softening")
@@ -320,3 +320,19 @@ def test_a_class_names_its_run_where_no_other_is_proposed():
     assert "the run 'blocked' would" in class_words(one)
     assert "the run 'blocked' would" in class_words(one, (), "blocked")
     assert class_words(one, (), "load_steps").endswith("do not distinguish backlash and stiffness.")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "word"),
+    [
+        ("moment_n_m", "N*m", "moment"),
+        ("stiffness_n_m_per_rad", "N*m/rad", "stiffness"),
+        ("speed_rad_s", "rad/s", "speed"),
+        ("rate_per_s", "1/s", "rate"),
+        ("coefficient_per_k", "K^-1", "coefficient"),
+        ("break_away_rad", "rad", "break away"),
+        ("sliding_ratio", "", "sliding ratio"),
+    ],
+)
+def test_names_of_parameters_do_not_repeat_the_unit(name, unit, word):
+    assert parameter_word(name, unit) == word

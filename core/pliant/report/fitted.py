@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -178,9 +179,10 @@ def most_probable(probability: Mapping[Kinds, float], most: int) -> tuple[list[K
 
 def parameter_word(parameter: str, unit: str) -> str:
     """Return a parameter's name without the unit, which follows its value."""
-    for suffix, of in (("_pa", "Pa"), ("_rad", "rad"), ("_s", "s"), ("_per_k", "K^-1")):
-        if unit == of:
-            parameter = parameter.removesuffix(suffix)
+    words = re.sub(r"([a-z]+)\^-1", r"1/\1", unit.lower()).replace("*", "_").replace("^", "")
+    per = words.replace("1/", "per_").replace("/", "_per_")  # rad/s → rad_per_s; some names leave "per" out
+    for suffix in (per, per.replace("_per_", "_")) if unit else ():
+        parameter = parameter.removesuffix(f"_{suffix}")
     return parameter.replace("_", " ")
 
 
