@@ -32,7 +32,7 @@ def comparison_answers(comparison: Comparison) -> Answers:
     good += f", {_ratio(ratio)} the noise" if comparison.has_floor else ""
     low, high = comparison.rmse_over_floor_interval
     sure = f"95 % interval {_ratio(low, False)} to {_ratio(high)} the noise; " if np.isfinite(low) else ""
-    sure += f"{comparison.n_samples} readings, worth {number(comparison.n_effective, 3)} independent ones; "
+    sure += f"{comparison.n_samples} readings, effective sample size {number(comparison.n_effective, 3)}; "
     sure += (
         "the floor comes from repeats or a stated sigma" if comparison.judged else "the floor is not known"
     )

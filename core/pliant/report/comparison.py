@@ -119,7 +119,7 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
     ),
     *SCORE_COLUMNS,
     Column("1.n", head="readings", brief="readings"),
-    Column("1.n_effective", head="independent", brief="worth", show=3, brief_show=lambda n: f"{n:.0f}"),
+    Column("1.n_effective", head="independent", brief="effective", show=3, brief_show=lambda n: f"{n:.0f}"),
     Column("1.rmse_interval"),
     Column("1.bias_interval"),
     Column("1.noise.within", "noise_within"),
@@ -339,6 +339,6 @@ def _numbers(comparison: Comparison) -> Section | None:
         page_table("Errors by output", OUTPUT_COLUMNS, list(comparison.outputs.items())),
         groups("Run by run", "run", comparison.runs),
         groups("By condition, repeats together", "condition", comparison.conditions) if repeated else None,
-        note=f"{comparison.n_samples} readings, worth {number(comparison.n_effective, 3)} independent ones. Intervals: "
+        note=f"{comparison.n_samples} readings, effective sample size {number(comparison.n_effective, 3)}. Intervals: "
         "95 %, bootstrap of whole runs, or of stretches of runs where there are fewer than eight.",
     )

@@ -159,8 +159,8 @@ MEAN, SIGNIFICANT = "mean in a bin, 95 % under noise", "more than noise"
 
 def places_chart(compared: Compared, output: str) -> Chart | None:
     """Return one panel per covariate, those that explain most of the error first; None where nothing varies."""
-    tells = compared.comparison.depends_on
-    items = sorted(compared.covariates.items, key=lambda item: -tells.get(item.name, 0.0))[:MOST]
+    explained = compared.comparison.depends_on
+    items = sorted(compared.covariates.items, key=lambda item: -explained.get(item.name, 0.0))[:MOST]
     words = output_unit(output)
     residual = np.concatenate([run[output] for run in compared.residuals]) * words.factor
     values = finite(residual)
@@ -174,9 +174,9 @@ def places_chart(compared: Compared, output: str) -> Chart | None:
 def _place_panel(compared: Compared, item: Covariate, output: str, residual: Array, y: ChartAxis) -> Panel:
     """Return readings as dots, and the mean of each bin with its interval."""
     places = [p for p in compared.comparison.places if p.covariate == item.name and output in p.outputs]
-    told = compared.comparison.depends_on.get(item.name, 0.0)
+    share = whole_percent(compared.comparison.depends_on.get(item.name, 0.0))
     real = any(p.outputs[output].significant for p in places)
-    title = fitting(f"{item.shown.label}: {f'tells {whole_percent(told)}' if real else 'noise'}", 46)
+    title = fitting(f"{item.shown.label}: {f'explains {share}' if real else 'noise'}", 46)
     notes: list[Mark] = []
     if item.numeric:
         places = [p for p in places if np.isfinite(p.centre)]

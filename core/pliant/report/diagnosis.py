@@ -368,8 +368,9 @@ def _limits(diagnosis: Diagnosis, registry: Registry) -> Section:
 
 def _noise_text(diagnosis: Diagnosis, repeated: bool) -> list[str]:
     text = [
-        f"{diagnosis.table.n_readings} readings, worth {diagnosis.noise.n_effective:.0f} independent ones in what the "
-        "best explanation leaves: neighbours in time share their noise. All probabilities rest on the smaller number."
+        f"{diagnosis.table.n_readings} readings. Their effective sample size is "
+        f"{diagnosis.noise.n_effective:.0f} in what the best explanation leaves, since neighbours in time share their "
+        "noise. All probabilities rest on the smaller number."
     ]
     scatter = diagnosis.noise.between_run_scatter
     if not repeated:

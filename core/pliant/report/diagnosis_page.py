@@ -219,12 +219,11 @@ def noise_table(diagnosis: Diagnosis) -> Table:
 def dependence_table(diagnosed: Diagnosed) -> Table | None:
     """Return the quantities on which the remaining error depends."""
     found = diagnosed.found
-    told = [[circumstance(found, n), whole_percent(v)] for n, v in found.depends_on.items() if v >= 0.02]
+    rows = [[circumstance(found, n), whole_percent(v)] for n, v in found.depends_on.items() if v >= 0.02]
     left = "model as it is" if found.explained == NOTHING else f"model with {named(found.explained)}"
     note = "Share of its variance that the circumstance alone predicts, without physics, on runs left out."
-    return optional_table(
-        f"What the error of the {left} depends on", ["circumstance", "tells"], told[:6], note, 1
-    )
+    head = ["circumstance", "share explained"]
+    return optional_table(f"What the error of the {left} depends on", head, rows[:6], note, 1)
 
 
 FIRST, OTHER = SERIES[0], "#9fb3c8"
@@ -346,9 +345,9 @@ def _ratio(diagnosed: Diagnosed, index: int, kinds: Kinds) -> float:
 
 def dependence_chart(diagnosed: Diagnosed, output: str) -> Chart | None:
     """Return a panel for each covariate that explains most of the error, before and after; None where none varies."""
-    tells = diagnosed.before.comparison.depends_on
-    items = [item for item in diagnosed.before.covariates.items if item.name in tells]
-    items = sorted(items, key=lambda item: -tells[item.name])[:MOST]
+    explained = diagnosed.before.comparison.depends_on
+    items = [item for item in diagnosed.before.covariates.items if item.name in explained]
+    items = sorted(items, key=lambda item: -explained[item.name])[:MOST]
     models = [(diagnosed.before, AS_IT_IS, "model as it is")]
     if diagnosed.after is not None:
         models.append((diagnosed.after, WITH[0], f"with {' + '.join(diagnosed.explanations[0])}"))
@@ -377,8 +376,8 @@ def _dependence_panel(models: list[tuple[Compared, str, str]], item: Covariate, 
             ChartLine(name, *strokes(at, mean - half, mean + half), "", colour, 1.2),
             ChartLine(name, at[real], mean[real], "", colour, 0.0, 6.0),
         ]
-    told = [whole_percent(one.comparison.depends_on.get(item.name, 0.0)) for one, *_ in models]
-    below = f"tells {' → '.join(told)} of the error's variance"
+    shares = [whole_percent(one.comparison.depends_on.get(item.name, 0.0)) for one, *_ in models]
+    below = f"explains {' → '.join(shares)} of the error's variance"
     return Panel(x, ChartAxis("mean error", words.symbol), tuple(marks), fitting(item.shown.label, 34), below)
 
 

@@ -80,9 +80,9 @@ def errors_table(fitted: ReportedLaw) -> Table:
         rows += [_beside(title, missed, effort) for title, missed in fitted.study_misses.items()]
     for axis in fitted.explored:
         for key, title in STUDY_FORMS.items():
-            told = fitted.axis_details(axis).get(key)
-            if isinstance(told, Mapping) and "problem" in told:
-                rows.append([f"{title}: {told['problem']}", *["–"] * 5])
+            details = fitted.axis_details(axis).get(key)
+            if isinstance(details, Mapping) and "problem" in details:
+                rows.append([f"{title}: {details['problem']}", *["–"] * 5])
     note = f"States left out: {report.details['held_out']}." if "held_out" in report.details else ""
     if fitted.law.joint == "revolute" and fitted.law.actuation_name == "pressure_pa":
         rows.append(["published study, its own data", "–", "–", "–", percent(PUBLISHED, 3), "–"])
@@ -136,7 +136,7 @@ def settings_table(fitted: ReportedLaw) -> Table | None:
         for name, value in details.items():
             if name not in TOLD and not name.startswith("n_") and name not in vars(fitted.report):
                 values[f"{axis}: {words(name)}" if axis else words(name)] = short_text(value)
-    return named_values("What the fit tells", values) if any(values.values()) else None
+    return named_values("Details of the fit", values) if any(values.values()) else None
 
 
 def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:

@@ -104,8 +104,10 @@ def _unlike(extension: Extension) -> str:
     assert exploration is not None
     if exploration.worth < ENOUGH:
         return f"the posterior is so unlike a normal distribution that draws of the latter hardly cover it; {hold}"
-    told = np.maximum(np.abs(exploration.off) / OFF, np.abs(np.log(exploration.factor)) / np.log(FACTOR))
-    k = int(np.argmax(told))
+    difference = np.maximum(
+        np.abs(exploration.off) / OFF, np.abs(np.log(exploration.factor)) / np.log(FACTOR)
+    )
+    k = int(np.argmax(difference))
     way = "above" if exploration.off[k] > 0 else "below"
     return (
         f"the posterior of {extension.posterior.names[k]} is {exploration.factor[k]:.2f} times as wide as its bar, its "

@@ -244,7 +244,7 @@ def cost_table(fitted: MetaFitted) -> Table:
 def settings_table(fitted: MetaFitted) -> Table | None:
     """Return every detail of the fit that is one word or number."""
     values = {words(name): short_text(value) for name, value in fitted.stage.details.items()}
-    return named_values("What the fit tells", values) if any(values.values()) else None
+    return named_values("Details of the fit", values) if any(values.values()) else None
 
 
 def _worst_free(share: float, lost: int) -> str:
