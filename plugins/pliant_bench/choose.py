@@ -131,8 +131,8 @@ def _still_to_meet(search: RunSearch, asked: Question, effort: SearchEffort, cov
         choice = replace(search, coverage=coverage).best(asked, effort)
         if choice is not None:
             return choice
-    choice = search.best(asked, effort)
-    if choice is not None and choice.exposes:
+    choice = replace(search, only_shown=True).best(asked, effort)
+    if choice is not None:
         return choice
     untried = f" No run went to {coverage}: none fits into what is left." if coverage.missing else ""
     return Choice(None, "expose", f"{NO_FURTHER}{untried}")

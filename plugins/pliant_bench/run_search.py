@@ -30,7 +30,7 @@ from pliant_bench.protocol_space import ProtocolSpace, SpaceMember, changed
 # Settings with less than this share of the largest information are not chosen for being quick to set.
 TELLING = 0.5
 # A run shows an effect if it is expected to tell this share of the question whether it is missing, at even odds.
-SHOWN = 0.5 * math.log(2.0)
+SHOWN = 0.3 * math.log(2.0)
 # Minutes that a run is charged in the comparison beside its own, by purpose: a verdict on little data is less reliable
 # than its probability says, and a lone explanation should meet a run of many parts before it is believed. A run to the
 # ends of ranges is charged as the first.
@@ -64,7 +64,8 @@ class _Sequence:
 class RunSearch:
     """The search after the runs `done`, in the setting `standing`, within the minutes that are left.
 
-    With `coverage` only runs that go to its missing ends are searched, in the present setting.
+    With `coverage` only runs that go to its missing ends are searched, in the present setting. With `only_shown` only
+    runs are searched that are expected to show a further effect.
     """
 
     model: MeasuredModel
@@ -75,6 +76,7 @@ class RunSearch:
     standing: Mapping[str, float]
     minutes_left: float
     coverage: Coverage = COVERED_ALL
+    only_shown: bool = False
 
     def best(self, asked: Question, effort: SearchEffort) -> Choice | None:
         """Return the best run; None if none is expected to help."""
@@ -152,10 +154,12 @@ class RunSearch:
     ) -> _Sequence | None:
         """Return the run with the most information on all groups of further effects per minute."""
         total: dict[str, float] = {}
+        shown = self._shown(view, asked) if self.only_shown else None
         for belief in asked.beliefs:
             for chosen in next_runs(view, belief, 1):
                 for name, nats in _nats(chosen).items():
-                    total[name] = total.get(name, 0.0) + max(nats, 0.0) / len(asked.beliefs)
+                    if shown is None or name in shown:
+                        total[name] = total.get(name, 0.0) + max(nats, 0.0) / len(asked.beliefs)
         if not total:
             return self._quickest(allowed, visits) if self.coverage.missing else None
         minutes = {run.name: run.minutes + visits for run in view.runs}
@@ -243,18 +247,23 @@ class RunSearch:
         """Return the further effects that the run is expected to show, each added to the explanation."""
         if asked.purpose != "expose":
             return ()
-        view, base = self._view([candidate], 0.0), self.diagnosis.explained
-        found = []
+        return tuple(self._shown(self._view([candidate], 0.0), asked).get("0", ()))
+
+    def _shown(self, view: CatalogueView, asked: Question) -> dict[str, list[str]]:
+        """Return the further effects that the runs are expected to show, by the names of those that show any."""
+        base = self.diagnosis.explained
+        shown: dict[str, list[str]] = {}
         for belief in asked.beliefs:
             for kinds in belief.contenders:
                 further = [kind for kind in kinds if kind not in base]
                 if not further:
                     continue
                 alone = replace(belief, probability={base: SETTLED, kinds: 1.0 - SETTLED})
-                chosen = next_runs(view, alone, 1)
-                if chosen and _nats(chosen[0])["0"] >= SHOWN:
-                    found += further
-        return tuple(found)
+                for chosen in next_runs(view, alone, 1):
+                    for name, nats in _nats(chosen).items():
+                        if nats >= SHOWN:
+                            shown.setdefault(name, []).extend(further)
+        return shown
 
 
 def _nats(chosen: NextRun) -> dict[str, float]:

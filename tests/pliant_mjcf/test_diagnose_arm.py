@@ -54,9 +54,22 @@ def test_numbers_of_the_file_that_are_slightly_off_are_no_effect(tmp_path: Path)
     """A gain of 0.996 leaves nine times the noise; a model whose numbers may be off lacks nothing for it."""
     (tmp_path / "arm.xml").write_text(ARM.format(step=0.001, integrator="implicitfast", gain=1))
     record(tmp_path / "bench.csv", gain=0.996, sd_rad=0.0003)
-    verdicts = {}
+    found = {}
     for error in (0.005, 0.0):
         arm = pliant.MjcfModel(tmp_path / "arm.xml", number_error=error, store=tmp_path / "store")
-        verdicts[error] = arm.diagnose(tmp_path / "bench.csv", effects=KINDS).verdict
+        found[error] = arm.diagnose(tmp_path / "bench.csv", effects=KINDS)
     # without repeats the noise is not known, so that it is not "nothing missing" either
-    assert verdicts == {0.005: "insufficient_data", 0.0: "missing_effect"}
+    assert found[0.005].verdict == "insufficient_data" and found[0.0].verdict == "missing_effect"
+
+
+def test_errors_of_the_numbers_are_said_to_explain_the_error(tmp_path: Path) -> None:
+    """With a stated sigma, nothing is missing: the numbers explain an error that is well above the noise."""
+    (tmp_path / "arm.xml").write_text(ARM.format(step=0.001, integrator="implicitfast", gain=1))
+    record(tmp_path / "bench.csv", gain=0.996, sd_rad=0.0003)
+    sigma = dict.fromkeys(("shoulder_angle_rad", "elbow_angle_rad"), "0.0003 rad")
+    arm = pliant.MjcfModel(tmp_path / "arm.xml", store=tmp_path / "store")
+    measured = arm.with_({"measurements": {"file": str(tmp_path / "bench.csv"), "sigma": sigma}})
+    found = measured.diagnose(effects=KINDS)
+    assert found.verdict == "nothing_missing"
+    sentence = found.record.judgement.sentence
+    assert "at most 0.5 % in the model's own numbers" in sentence and "9.18" in sentence

@@ -290,9 +290,7 @@ def test_comments_of_the_file_are_kept(tmp_path: Path) -> None:
 
 
 def test_one_comment_for_an_inertial_and_none_for_the_storage_of_its_body(tmp_path: Path) -> None:
-    effects = [
-        built(REGISTRY, kind, **NATIVE[kind]) for kind in ("body_mass@lower", "centre_of_mass@lower")
-    ]
+    effects = [built(REGISTRY, kind, **NATIVE[kind]) for kind in ("body_mass@lower", "centre_of_mass@lower")]
     exported, _ = export(tmp_path, *effects)
     text = exported.files[0].read_text()
     assert text.count("<!-- body_mass@lower") == text.count("<!-- centre_of_mass@lower") == 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ class CatalogueView:
         worth: (M,) number of independent readings that each reading counts for.
         place: (M,) index of the menu's run that each reading belongs to.
         law_columns: (M, m) changes by the coefficients of the law's own error; (M, 0) without one.
+        predictions: cached predictions, by effects and parameters.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -51,6 +52,7 @@ class CatalogueView:
     worth: Array
     place: NDArray[np.intp]
     law_columns: Array
+    predictions: dict[tuple[EffectSet, bytes], CataloguePrediction] = field(default_factory=dict, repr=False)
 
     @staticmethod
     def from_predictor(
@@ -97,6 +99,12 @@ class CatalogueView:
 
     def evaluate(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
         """Return the readings that the candidate predicts at x, and their slopes."""
+        key = (candidate, x.tobytes())
+        if key not in self.predictions:
+            self.predictions[key] = self._evaluate(candidate, x)
+        return self.predictions[key]
+
+    def _evaluate(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
         steps = [-STEP if x[k] + STEP > high else STEP for k, high in enumerate(candidate.limits()[1])]
         towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in enumerate(steps)]
         prediction, changes = self.predictor.vary(candidate.configs(x), towards)

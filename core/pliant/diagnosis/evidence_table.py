@@ -82,6 +82,7 @@ class EvidenceTable:
         shares: of each condition in all readings.
         has_law_error: the law's own error is part of every hypothesis.
         largest_law_price: expected log-odds penalty of the largest error of the law that its prior admits.
+        number_error: largest share by which the numbers of a user's own model may be off, in every hypothesis.
     """
 
     rows: Mapping[Kinds, Row]
@@ -90,6 +91,7 @@ class EvidenceTable:
     shares: tuple[float, ...] = ()
     has_law_error: bool = False
     largest_law_price: float = 0.0
+    number_error: float = 0.0
 
     @property
     def nothing(self) -> Row:
@@ -103,8 +105,15 @@ class EvidenceTable:
 
     def law_is_off(self, kinds: Kinds) -> bool:
         """Return whether the readings show an error of the law with these effects, beyond doubt."""
+        return self.has_law_error and self._error_shows(kinds)
+
+    def numbers_are_off(self, kinds: Kinds) -> bool:
+        """Return whether the readings show errors of the model's own numbers with these effects, beyond doubt."""
+        return self.number_error > 0.0 and self._error_shows(kinds)
+
+    def _error_shows(self, kinds: Kinds) -> bool:
         row = self.rows[kinds]
-        if not (self.has_law_error and np.isfinite(row.mean_square) and row.raw_square > row.mean_square):
+        if not (np.isfinite(row.mean_square) and row.raw_square > row.mean_square):
             return False
         n = max(self.noise.n_effective, 2.0)
         squares = (max(square, LEAST_SQUARE) for square in (row.raw_square, row.mean_square))

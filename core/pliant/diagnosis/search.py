@@ -169,7 +169,8 @@ class HypothesisSearch:
         law = self.fitter.law
         largest = 0.0 if law is None else law.largest_price(noise.n_effective)
         has_law = self.fitter.joint_law is not None
-        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, has_law, largest)
+        off = 0.0 if law is None or has_law else law.prior.most
+        return EvidenceTable(dict(self.rows), noise, len(self.readings), shares, has_law, largest, off)
 
     def noise(self, fit: EffectFit) -> NoiseView:
         """Return noise from the residuals of a fit; the last one is cached, because the best fit is often the same."""

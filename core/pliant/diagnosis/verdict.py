@@ -43,6 +43,11 @@ HEADLINES = {
         "These data show no missing effect.",
         "No listed effect helps, and the error is {ratio} times the noise: these data are too few to say more.",
     ),
+    "numbers_off": (
+        "No effect is missing; errors of at most {numbers:.2g} % in the model's own numbers explain the error, which is "
+        "{ratio} times the noise.",
+    )
+    * 2,
     "unknown_effect": (
         "What is left is {left}; no listed effect explains it.",
         "Something is missing, and it is not in the list.",
@@ -86,6 +91,8 @@ class Judgement:
             about which of them; else empty. With `LAW` among them it may be the law's own shape instead.
         beside: effects that are missing in addition to one of `selected_class`, whichever it is.
         law: size and place of the law's error, in words that follow "off"; empty if it is not examined.
+        number_error: largest share by which numbers of the model may be off, if such errors explain the error and
+            nothing is missing; else 0.
         as_it_is: error of the unchanged model on left-out runs, over the floor.
         best: that of the most probable listed explanation; of the unchanged model if none was tried.
     """
@@ -100,6 +107,7 @@ class Judgement:
     selected_class: Kinds = field(default=(), kw_only=True)
     beside: Kinds = field(default=(), kw_only=True)
     law: str = field(default="", kw_only=True)
+    number_error: float = field(default=0.0, kw_only=True)
 
     @property
     def contenders(self) -> str:
@@ -124,6 +132,8 @@ class Judgement:
         group = " or ".join(listed_kinds)
         if len(listed_kinds) < len(self.selected_class):
             known = "class_with_law"
+        if self.number_error:
+            known = "numbers_off"
         return first + HEADLINES[known][0 if self.small else 1].format(
             kinds=" and ".join(
                 [*self.beside, f"({group})" if self.beside else group] if group else self.selected
@@ -131,6 +141,7 @@ class Judgement:
             contenders=self.contenders,
             either="The joint law",
             law=self.law,
+            numbers=100.0 * self.number_error,
             left=self.as_it_is.words,
             ratio=self.as_it_is,
         )
@@ -180,6 +191,9 @@ def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int, 
         selected_class=group,
         beside=beside,
         law=law,
+        number_error=table.number_error
+        if verdict == "nothing_missing" and table.numbers_are_off(NOTHING)
+        else 0.0,
     )
 
 
@@ -259,6 +273,8 @@ def _verdict(
                 "No listed effect helps, but without repeats or a stated sigma it is unknown whether the error "
                 "that is left is noise.",
             )
+        if table.numbers_are_off(NOTHING):
+            return "nothing_missing", ()
         return "nothing_missing", (
             "The error is what the noise allows, and no listed effect lowers it."
             if left.small or not math.isfinite(left.ratio)

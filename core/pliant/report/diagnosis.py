@@ -84,6 +84,9 @@ LITTLE_LEFT = (
 )
 # Verdicts that ask for the next run; without one, for more of everything.
 NEEDS_RUNS = ("ambiguous", "insufficient_data")
+NUMBERS = (
+    "Measure or fit the masses, lengths and gains of the model: their errors hide effects that are smaller."
+)
 RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
 
 
@@ -140,6 +143,8 @@ def _demand(diagnosis: Diagnosis, registry: Registry) -> str:
     small, verdict = diagnosis.judgement.small, diagnosis.verdict
     if verdict == "unknown_effect" and small:
         return LITTLE_LEFT
+    if diagnosis.judgement.number_error:
+        return NUMBERS
     if verdict == "nothing_missing" and not small:
         return RECORD
     if diagnosis.judgement.selected_class:
