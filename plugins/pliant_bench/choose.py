@@ -99,7 +99,9 @@ def choose_next(
     effort = effort or SearchEffort(seed=len(done))
     registry, coverage = opened.context.registry, coverage or COVERED_ALL
     if met is not None:
-        return _still_to_meet(search, exposing(diagnosis, registry, met), effort, coverage)
+        excited = {kind for kinds in diagnosis.fits for kind in kinds} - set(diagnosis.not_excited)
+        unexcited = exposing(diagnosis, registry, {*met, *excited})
+        return _still_to_meet(search, exposing(diagnosis, registry, met), unexcited, effort, coverage)
     asked = question(diagnosis, registry)
     covering = replace(search, coverage=coverage)
     if coverage.missing and (asked.purpose == "expose" or is_poor(diagnosis)):
@@ -125,15 +127,24 @@ def choose_next(
     return Choice(None, "expose", NO_FURTHER)
 
 
-def _still_to_meet(search: RunSearch, asked: Question, effort: SearchEffort, coverage: Coverage) -> Choice:
-    """Return a run that a verdict has to meet before the experiment ends; without a protocol where none is left."""
+def _still_to_meet(
+    search: RunSearch, asked: Question, unexcited: Question, effort: SearchEffort, coverage: Coverage
+) -> Choice:
+    """Return a run that a verdict has to meet before the experiment ends; without a protocol where none is left.
+
+    `unexcited` asks about the effects that no run so far excites.
+    """
     if coverage.missing:
         choice = replace(search, coverage=coverage).best(asked, effort)
         if choice is not None:
             return choice
-    choice = replace(search, only_shown=True).best(asked, effort)
-    if choice is not None:
+    choice = search.best(asked, effort)
+    if choice is not None and choice.exposes:
         return choice
+    if unexcited.beliefs:
+        choice = replace(search, unexcited=True).best(unexcited, effort)
+        if choice is not None:
+            return choice
     untried = f" No run went to {coverage}: none fits into what is left." if coverage.missing else ""
     return Choice(None, "expose", f"{NO_FURTHER}{untried}")
 

@@ -30,7 +30,9 @@ from pliant_bench.protocol_space import ProtocolSpace, SpaceMember, changed
 # Settings with less than this share of the largest information are not chosen for being quick to set.
 TELLING = 0.5
 # A run shows an effect if it is expected to tell this share of the question whether it is missing, at even odds.
-SHOWN = 0.3 * math.log(2.0)
+SHOWN = 0.5 * math.log(2.0)
+# The same for an effect that no run so far excites: without such a run it is never judged.
+FIRST_SHOWN = 0.3 * math.log(2.0)
 # Minutes that a run is charged in the comparison beside its own, by purpose: a verdict on little data is less reliable
 # than its probability says, and a lone explanation should meet a run of many parts before it is believed. A run to the
 # ends of ranges is charged as the first.
@@ -64,8 +66,8 @@ class _Sequence:
 class RunSearch:
     """The search after the runs `done`, in the setting `standing`, within the minutes that are left.
 
-    With `coverage` only runs that go to its missing ends are searched, in the present setting. With `only_shown` only
-    runs are searched that are expected to show a further effect.
+    With `coverage` only runs that go to its missing ends are searched, in the present setting. With `unexcited` the
+    question is about effects that no run so far excites, and only runs that show one of them are searched.
     """
 
     model: MeasuredModel
@@ -76,7 +78,7 @@ class RunSearch:
     standing: Mapping[str, float]
     minutes_left: float
     coverage: Coverage = COVERED_ALL
-    only_shown: bool = False
+    unexcited: bool = False
 
     def best(self, asked: Question, effort: SearchEffort) -> Choice | None:
         """Return the best run; None if none is expected to help."""
@@ -154,7 +156,7 @@ class RunSearch:
     ) -> _Sequence | None:
         """Return the run with the most information on all groups of further effects per minute."""
         total: dict[str, float] = {}
-        shown = self._shown(view, asked) if self.only_shown else None
+        shown = self._shown(view, asked) if self.unexcited else None
         for belief in asked.beliefs:
             for chosen in next_runs(view, belief, 1):
                 for name, nats in _nats(chosen).items():
@@ -252,6 +254,7 @@ class RunSearch:
     def _shown(self, view: CatalogueView, asked: Question) -> dict[str, list[str]]:
         """Return the further effects that the runs are expected to show, by the names of those that show any."""
         base = self.diagnosis.explained
+        least = FIRST_SHOWN if self.unexcited else SHOWN
         shown: dict[str, list[str]] = {}
         for belief in asked.beliefs:
             for kinds in belief.contenders:
@@ -261,7 +264,7 @@ class RunSearch:
                 alone = replace(belief, probability={base: SETTLED, kinds: 1.0 - SETTLED})
                 for chosen in next_runs(view, alone, 1):
                     for name, nats in _nats(chosen).items():
-                        if nats >= SHOWN:
+                        if nats >= least:
                             shown.setdefault(name, []).extend(further)
         return shown
 

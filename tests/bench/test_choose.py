@@ -139,6 +139,18 @@ def test_a_verdict_meets_each_rival_once(clean: tuple[Laboratory, Diagnosis]) ->
     assert none.protocol is None and none.why == "No allowed run would show a further effect of the list."
 
 
+def test_an_effect_that_no_run_excites_gets_its_run(tmp_path: Path) -> None:
+    """A warm run shows softening by heat with less than half of a bit; without it the effect is never judged."""
+    warm = config(inputs=PRESSURE, longest_run="14 s", manual={"temperature_c": [22.0, 42.0]})
+    lab = Laboratory(tmp_path, "", warm)
+    kinds = ["thermal_softening", "actuation_gain", "sensor_bias", "viscous_damping", "backlash"]
+    diagnosis = lab.diagnose(kinds)
+    assert "thermal_softening" in diagnosis.not_excited
+    choice = lab.choose(diagnosis, met=[*kinds[1:], *(set(diagnosis.not_excited) - {kinds[0]})])
+    assert choice.protocol is not None and choice.protocol.conditions["temperature_c"] == 42.0
+    assert choice.exposes == ("thermal_softening",) and choice.to_set == {"temperature_c": 42.0}
+
+
 def test_the_second_explanation_is_the_first_rival(clean: tuple[Laboratory, Diagnosis]) -> None:
     lab, diagnosis = clean
     second = next(kinds for kinds in diagnosis.judgement.probability if kinds not in ((), ("unknown",)))

@@ -44,8 +44,8 @@ HEADLINES = {
         "No listed effect helps, and the error is {ratio} times the noise: these data are too few to say more.",
     ),
     "numbers_off": (
-        "No effect is missing; errors of at most {numbers:.2g} % in the model's own numbers explain the error, which is "
-        "{ratio} times the noise.",
+        "No effect is missing; errors of at most {numbers:.2g} % in the model's own numbers explain the error, which "
+        "is {ratio} times the noise.",
     )
     * 2,
     "unknown_effect": (

@@ -259,8 +259,8 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     label = output_unit(output).label
     depends = picture(
         "depends",
-        f"Mean error in {label} against the circumstances that explain most of it. Bars: 95 % under noise; filled: more "
-        "than noise, corrected for looking at many places. An explanation that is right flattens all of them, not "
+        f"Mean error in {label} against the circumstances that explain most of it. Bars: 95 % under noise; filled: "
+        "more than noise, corrected for looking at many places. An explanation that is right flattens all of them, not "
         "only one.",
         dependence_chart(diagnosed, output),
     )
