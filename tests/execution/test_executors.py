@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -121,3 +123,13 @@ def test_a_log_has_the_rate_and_the_time_left(monkeypatch):
     assert lines[0] == "designs: going on from 2/10"
     assert lines[1] == "designs: 4/10, 15.00 s each, about 90 s left"
     assert lines[-1] == "designs: 6/10 in 60.0 s"
+
+
+def test_no_thread_of_a_pool_is_left_after_an_interrupt():
+    before = set(threading.enumerate())
+    with pytest.raises(KeyboardInterrupt), executor_for(2) as executor:
+        running = executor.submit(time.sleep, 60)
+        executor.submit(time.sleep, 0).result()
+        raise KeyboardInterrupt
+    assert running.cancelled() or running.done()
+    assert set(threading.enumerate()) == before

@@ -101,12 +101,19 @@ class ProcessExecutor(Executor):
                 ) from error
 
     def restart(self) -> bool:
-        self.shutdown(at_once=True)
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._end_workers()
         self._open()
         return True
 
     def shutdown(self, at_once: bool) -> None:
-        self._pool.shutdown(wait=not at_once, cancel_futures=True)
+        if at_once:
+            self._end_workers()
+        # Python 3.11 may fail at its exit if the pool's thread still closes its pipes.
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._end_workers()
+
+    def _end_workers(self) -> None:
         self._ours.close()
         self._theirs.close()
 
