@@ -91,6 +91,19 @@ def test_an_effect_outside_the_list_has_its_price(left: float, first: tuple[str,
     assert next(iter(weighed(table({(): left + 10.0, ("a",): left}, n=100.0)))) == first
 
 
+def test_an_error_within_the_uncertainty_of_the_floor_is_no_unknown_effect() -> None:
+    """Few repeats give a floor that is uncertain by several per cent; more readings do not make it more certain."""
+    squares = {(): 2.0, ("a",): 1.2}
+
+    def with_se(se: float) -> EvidenceTable:
+        t = table(squares, n=800.0)
+        return replace(t, noise=replace(t.noise, floor_square_se=se))
+
+    assert next(iter(weighed(with_se(0.0)))) == UNKNOWN
+    assert next(iter(weighed(with_se(0.14)))) == ("a",)
+    assert weighed(with_se(0.0)) == weighed(table(squares, n=800.0))
+
+
 def test_each_parameter_costs_half_log_n_and_each_effect_by_the_list_length() -> None:
     t = table({(): 3.0, ("a",): 1.0, ("b",): 1.0}, n=100.0)
     t.rows[("b",)].__dict__["n_parameters"] = 2

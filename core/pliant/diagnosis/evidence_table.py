@@ -120,6 +120,11 @@ class EvidenceTable:
         before, after = squares
         return bool(0.5 * n * np.log(before / after) - row.law_price > LAW_IS_OFF)
 
+    @property
+    def upper_floor_square(self) -> float:
+        """Return the mean squared noise plus one standard error: few repeats hardly determine it."""
+        return self.noise.floor_square + self.noise.floor_square_se
+
     def over_floor(self, square: float) -> float:
         """Return the root of a mean square over the noise floor; nan if the floor is unknown or the data noiseless."""
         floor = self.noise.floor_square
@@ -140,7 +145,8 @@ class EvidenceThresholds:
             Statist. 38, 2010).
         third_effect: additional log-odds penalty of a third effect: three of a long list imitate almost anything
             outside it.
-        unknown: log-odds penalty of "an effect outside the list", which may reach the noise floor with any form.
+        unknown: log-odds penalty of "an effect outside the list", which may reach the noise floor, plus one standard
+            error of it, with any form.
         model_form_tolerance: share of what a hypothesis explains that may remain because its equation is an
             idealisation: a further effect must explain more than that.
         unknown_form_tolerance: that share with an effect outside the list, which could have any form.
@@ -210,7 +216,7 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
-        square = table.noise.floor_square + left
+        square = table.upper_floor_square + left
         by_size = -0.5 * n * np.log(square) - thresholds.unknown - table.rows[best].law_price
         found[UNKNOWN] = max(by_size, found[best] + thresholds.temperature * _outside_odds(table, best))
     return found
@@ -238,14 +244,15 @@ def paid_squares(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
 def _outside_odds(table: EvidenceTable, kinds: Kinds) -> float:
     """Return the log-odds of an effect outside the list against a hypothesis, by its error above the noise.
 
-    With e the excess over the floor, in units of it and beyond two standard errors, the odds are (e / `OUTSIDE`)²: zero
-    for a hypothesis that reaches the floor, 1 : 3 for one that leaves twice the noise.
+    With e the excess over the floor, in units of it and beyond two standard errors of both, the odds are
+    (e / `OUTSIDE`)²: zero for a hypothesis that reaches the floor, 1 : 3 for one that leaves twice the noise.
     """
     floor, n = table.noise.floor_square, max(table.noise.n_effective, 2.0)
     square = table.rows[kinds].mean_square
     if not (floor > LEAST_SQUARE and np.isfinite(square)):
         return -np.inf
-    excess = square / floor - 1.0 - 2.0 * float(np.sqrt(2.0 / n))
+    se = float(np.hypot(np.sqrt(2.0 / n), table.noise.floor_square_se / floor))
+    excess = square / floor - 1.0 - 2.0 * se
     return 2.0 * float(np.log(excess / OUTSIDE)) if excess > 0.0 else -np.inf
 
 

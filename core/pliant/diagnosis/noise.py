@@ -119,6 +119,7 @@ class NoiseView:
         between_run_scatter: minimum ratio of the scatter between repeats to that within a run: the largest over outputs
             of between / within at the lower end of its 90 % interval; 1 without repeats.
         drift: difference of later repeats from earlier ones, if it is significant.
+        floor_square_se: standard error of `floor_square`; few repeats hardly determine it.
     """
 
     floors: Mapping[str, Floor]
@@ -127,6 +128,7 @@ class NoiseView:
     judged: bool
     between_run_scatter: float
     drift: Drift | None = None
+    floor_square_se: float = 0.0
 
 
 def noise_view(
@@ -145,6 +147,7 @@ def noise_view(
     floors = {name: floor for name, floor in found.items() if name in scales}
     squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]
     shares = [sum(int(np.isfinite(run[name]).sum()) for run in residuals) for name in scales]
+    errors = np.nan_to_num([2.0 * floors[name].value * floors[name].se / s**2 for name, s in scales.items()])
     between = [_between_run_scatter(floor) for floor in floors.values()]
     return NoiseView(
         floors=floors,
@@ -153,6 +156,7 @@ def noise_view(
         judged=all(floor.source in WHOLE for floor in floors.values()),
         between_run_scatter=max([1.0, *between]),
         drift=drift_between(measurement, residuals, scales, groups),
+        floor_square_se=float(np.linalg.norm(np.multiply(errors, shares)) / max(sum(shares), 1)),
     )
 
 

@@ -44,7 +44,7 @@ def read_study_measurement(context: RunContext, study: Study, data: Sources = No
     if settings is None and not given:
         raise UserError(
             f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
-            "or give --data bench.csv."
+            "to it (commands that compare or fit also take --data bench.csv)."
         )
     files = data if given or settings is None else settings.file
     if study.model is not None:
