@@ -93,15 +93,18 @@ def test_an_effect_outside_the_list_has_its_price(left: float, first: tuple[str,
 
 def test_an_error_within_the_uncertainty_of_the_floor_is_no_unknown_effect() -> None:
     """Few repeats give a floor that is uncertain by several per cent; more readings do not make it more certain."""
-    squares = {(): 2.0, ("a",): 1.2}
 
-    def with_se(se: float) -> EvidenceTable:
-        t = table(squares, n=800.0)
+    def with_se(se: float, left: float) -> EvidenceTable:
+        t = table({(): left + 1.0, ("a",): left}, n=800.0)
         return replace(t, noise=replace(t.noise, floor_square_se=se))
 
-    assert next(iter(weighed(with_se(0.0)))) == UNKNOWN
-    assert next(iter(weighed(with_se(0.14)))) == ("a",)
-    assert weighed(with_se(0.0)) == weighed(table(squares, n=800.0))
+    assert next(iter(weighed(with_se(0.0, 1.2)))) == UNKNOWN
+    assert next(iter(weighed(with_se(0.14, 1.2)))) == ("a",)
+    assert weighed(with_se(0.0, 1.2)) == weighed(table({(): 2.2, ("a",): 1.2}, n=800.0))
+    unsure, sure = (odds(with_se(se, 2.0), UNKNOWN, ("a",)) for se in (0.14, 0.0))
+    assert unsure == pytest.approx(
+        sure, rel=1e-3
+    )  # an excess of six standard errors is no error of the floor
 
 
 def test_each_parameter_costs_half_log_n_and_each_effect_by_the_list_length() -> None:

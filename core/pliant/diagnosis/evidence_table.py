@@ -120,11 +120,6 @@ class EvidenceTable:
         before, after = squares
         return bool(0.5 * n * np.log(before / after) - row.law_price > LAW_IS_OFF)
 
-    @property
-    def upper_floor_square(self) -> float:
-        """Return the mean squared noise plus one standard error: few repeats hardly determine it."""
-        return self.noise.floor_square + self.noise.floor_square_se
-
     def over_floor(self, square: float) -> float:
         """Return the root of a mean square over the noise floor; nan if the floor is unknown or the data noiseless."""
         floor = self.noise.floor_square
@@ -145,8 +140,7 @@ class EvidenceThresholds:
             Statist. 38, 2010).
         third_effect: additional log-odds penalty of a third effect: three of a long list imitate almost anything
             outside it.
-        unknown: log-odds penalty of "an effect outside the list", which may reach the noise floor, plus one standard
-            error of it, with any form.
+        unknown: log-odds penalty of "an effect outside the list", which may reach the noise floor with any form.
         model_form_tolerance: share of what a hypothesis explains that may remain because its equation is an
             idealisation: a further effect must explain more than that.
         unknown_form_tolerance: that share with an effect outside the list, which could have any form.
@@ -216,10 +210,20 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
-        square = table.upper_floor_square + left
+        square = table.noise.floor_square + left
+        square += _floor_too_low(table.noise, table.rows[best].mean_square - square)
         by_size = -0.5 * n * np.log(square) - thresholds.unknown - table.rows[best].law_price
         found[UNKNOWN] = max(by_size, found[best] + thresholds.temperature * _outside_odds(table, best))
     return found
+
+
+def _floor_too_low(noise: NoiseView, excess: float) -> float:
+    """Return by how much the floor's square may be too low: a standard error, times exp(−½ z²).
+
+    z is the excess that the floor's error would have to explain, in standard errors.
+    """
+    se = noise.floor_square_se
+    return se * float(np.exp(-0.5 * (max(excess, 0.0) / se) ** 2)) if se > 0.0 else 0.0
 
 
 def paid_squares(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
