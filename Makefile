@@ -25,7 +25,7 @@ test: $(VENV)/.dev  ## the fast suite: every room and every guarantee has a test
 	$(PYTEST) --no-loadscope-reorder
 
 test-all: $(VENV)/.dev  ## every test, those marked slow too
-	$(PYTEST) --no-loadscope-reorder -m ""
+	$(PYTEST) --no-loadscope-reorder -m "" --durations 25
 
 fuzz: $(VENV)/.dev  ## 50 000 damaged inputs against every reader; what breaks one is kept in tests/fuzz/finds
 	$(BIN)/python -m tests.fuzz.run --cases 50000 $(FUZZ)

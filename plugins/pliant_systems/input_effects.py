@@ -9,6 +9,7 @@ from pliant.interfaces.model import effect_kind
 from pliant.records.design import Array
 from pliant.units import Ratio, Time
 from pliant_plugins.effects.lag import lagged
+from pliant_plugins.effects.supply_lag import through_orifice
 from pliant_systems import notes as known
 from pliant_systems.signals import InputEffect, above, delayed, faded, faded_changes, played
 
@@ -89,10 +90,12 @@ class SupplyLagConfig(EffectConfig):
     """time constant of falling over that of rising"""
     second_ratio: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.4), role="form")
     """time constant of a second lag behind it, as a share of the first"""
+    power: float = parameter(unit="1", neutral=1.0, bounds=(0.4, 1.5), plausible=(0.5, 1.2), role="form")
+    """power of the difference with which the input follows: 1/2 through an orifice"""
 
 
 class InputLag(InputEffect):
-    """T u'˙ + u' = u, from balance, and a second lag behind it."""
+    """T u'˙ = sign(d) û (|d| / û)^n with d = u − u', from balance, and a second lag behind it."""
 
     config: SupplyLagConfig
     notes = known.LAG
@@ -102,7 +105,11 @@ class InputLag(InputEffect):
         rising = self.config.time_s
         if rising == 0.0:
             return values
-        late = lagged(values, time_s, rising, falling_s=self.config.release_ratio * rising)
+        falling, power = self.config.release_ratio * rising, self.config.power
+        if power == 1.0:
+            late = lagged(values, time_s, rising, falling_s=falling)
+        else:
+            late = scale * through_orifice(values / scale, time_s, (rising, falling), power)
         second = self.config.second_ratio * rising
         return lagged(late, time_s, second) if second else late
 

@@ -184,6 +184,13 @@ def test_a_second_lag_is_one_behind_the_first() -> None:
     assert CLOCK[-1] - lag[-1] == pytest.approx(0.3, abs=1e-6)
 
 
+def test_an_orifice_is_filled_along_a_parabola() -> None:
+    """With n = 1/2 the root of the difference falls linearly: a step of û is reached after 2 T."""
+    left = 1.0 - acting("supply_lag", STEP, time_s=0.5, power=0.5)[CLOCK >= 1.0] / 2.0
+    exact = np.clip(1.0 - (CLOCK[CLOCK >= 1.0] - 0.99) / 1.0, 0.0, None) ** 2
+    assert np.abs(left - exact).max() < 0.02
+
+
 def test_plays_apart_are_the_mean_of_three() -> None:
     alone = [acting("backlash", WAVE, share=share) for share in (0.05, 0.1, 0.15)]
     assert acting("backlash", WAVE, share=0.1, spread=0.5) == pytest.approx(np.mean(alone, axis=0), abs=1e-12)
