@@ -38,6 +38,7 @@ from benchmarks.evidence.tasks import Task
 from benchmarks.output import OUT, make_parser
 
 from pliant import api
+from pliant.errors import interrupted
 from pliant.store.store import write_atomically
 from pliant_bench.loop.experiment import Experiment, Planner
 from pliant_bench.loop.folder import ExperimentFolder
@@ -129,6 +130,8 @@ def run(plan: LoopPlan, folder: Path, results: Path, key: bytes, arms: Sequence[
                     seed = ARMS.index(arm) + 10 * task.spec.seed
                     line |= perform(arm, study, label, seed, Path(scratch))
             except Exception as error:
+                if interrupted(error):
+                    raise KeyboardInterrupt from error
                 line |= {"error": f"{type(error).__name__}: {error}", "wall_s": 0.0}
             append(results, line)
             spent = f"{line.get('cpu_s', 0.0):.0f} s CPU"
