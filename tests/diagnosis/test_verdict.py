@@ -102,9 +102,8 @@ def test_an_error_within_the_uncertainty_of_the_floor_is_no_unknown_effect() -> 
     assert next(iter(weighed(with_se(0.14, 1.2)))) == ("a",)
     assert weighed(with_se(0.0, 1.2)) == weighed(table({(): 2.2, ("a",): 1.2}, n=800.0))
     unsure, sure = (odds(with_se(se, 2.0), UNKNOWN, ("a",)) for se in (0.14, 0.0))
-    assert unsure == pytest.approx(
-        sure, rel=1e-3
-    )  # an excess of six standard errors is no error of the floor
+    # an excess of six standard errors is no error of the floor
+    assert unsure == pytest.approx(sure, rel=1e-3)
 
 
 def test_each_parameter_costs_half_log_n_and_each_effect_by_the_list_length() -> None:

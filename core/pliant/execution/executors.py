@@ -101,6 +101,7 @@ class ProcessExecutor(Executor):
                 ) from error
 
     def restart(self) -> bool:
+        # The broken pool's thread is not awaited: it may hang on a call that a dead worker had half received.
         self._pool.shutdown(wait=False, cancel_futures=True)
         self._end_workers()
         self._open()
