@@ -28,13 +28,14 @@ from tests.bench.test_line_benches import NEEDS_A_QUIET_COMPUTER
 from pliant_bench.drivers.serial_line import SerialBench
 
 KINDS = ["supply_lag", "viscous_damping", "stiffness", "sensor_scale", "sensor_bias"]
+LONGEST_RUN_S = 12.0  # the emulated bench runs in real time
 QUICK = SearchEffort(random=6, elsewhere=2, settings=1, generations=1, children=3)
 
 
 def verdict(bench: Any, folder: Path) -> dict[str, Any]:
     """Return the last verdict of an experiment on this bench."""
     opened = api.open_study(ROOT / "examples" / "emulated_bench" / "finger.yaml", store=folder / "store")
-    settings = opened.study.block("experiment")
+    settings = opened.study.block("experiment").model_copy(update={"longest_run_s": LONGEST_RUN_S})
     bench.connect()
     try:
         experiment = ExperimentFolder(folder / "experiment")
