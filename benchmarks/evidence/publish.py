@@ -199,8 +199,8 @@ def law_off(data: dict[str, Any]) -> Iterator[str]:
         _row("unknown effect recognised", "", one["unknown"]),
         _row("… tilted sensors and detents", "", one["missed"]),
         _row("pair of two by class", "", one["pairs"]["by_class"]),
-        *(_row(f"wrong {name} told", "", one[name]) for name in MISTAKE_GROUPS),
-        _row("a mistake told of a record without one", "", one["told_wrongly"]),
+        *(_row(f"wrong {name} recognised", "", one[name]) for name in MISTAKE_GROUPS),
+        _row("a mistake reported for a correct record", "", one["told_wrongly"]),
         *(_row(f"{words}, by class", "", one[name]["by_class"]) for name, words in SPECIAL),
         _row("poor, after two suggested runs", "", plan),
         *(

@@ -64,12 +64,12 @@ def test_a_bound_beyond_which_it_gets_better_is_named(problem, best, formula, pa
     assert said(problem, best) == ()
 
 
-def test_a_constraint_that_holds_it_is_told_with_its_price():
+def test_a_constraint_that_limits_it_is_reported_with_its_price():
     problem = Problem((WIDTH,), {"width <= 3 mm": lambda v: v["width"] - 3e-3})
     (sentence,) = said(problem, formula=lambda v: 1e-2 - v["width"])
-    assert "'width <= 3 mm' holds it" in sentence
+    assert "'width <= 3 mm' limits it" in sentence
     assert "improve by 0.02 mm per 1 % of the range of width" in sentence
-    assert "is touched" in said(problem, formula=lambda v: v["width"])[0]
+    assert "does not improve beyond it" in said(problem, formula=lambda v: v["width"])[0]
 
 
 def test_an_integer_constraint_is_active_where_the_next_value_breaks_it():

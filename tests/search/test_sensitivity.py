@@ -158,5 +158,5 @@ def test_the_real_evaluator_about_a_real_design(tmp_path):
         SimpleNamespace(branch=np.zeros(0), context=np.zeros(0), status=[], objectives=np.zeros((0, 1))),
     )
     assert "task.pressure stands at its upper bound of 6 kPa" in said[0]
-    assert "'n <= 7' holds it" in said[1]
+    assert "'n <= 7' limits it" in said[1]
     assert len(said) == 2

@@ -15,7 +15,7 @@ from pliant_search.records import STATUSES, FoundDesign, SearchHistory, Slope
 
 NOTHING = 1e-5  # of the objective
 NEARLY = 0.01  # of its scale: a constraint that a step of this size breaks is active
-FREE = "No bound and no constraint holds it: the best design lies inside everything that was searched."
+FREE = "No bound and no constraint limits it: the best design lies inside the searched ranges."
 OUTSIDE = "outside_domain"  # metric: number of joints outside the data of their law
 HALF = 0.5
 LAST = 0.2  # of a search's candidates
@@ -89,12 +89,12 @@ def at_constraints(problem: SearchProblem, best: FoundDesign, slopes: Sequence[S
         if gain > 0.0:
             amount = _amount(problem, best, axis, gain)
             found.append(
-                f"The constraint '{text}' holds it: across it the objective would improve by {amount}."
+                f"The constraint '{text}' limits it: beyond it the objective would improve by {amount}."
             )
         elif np.isfinite(gain):
-            found.append(f"The constraint '{text}' is touched, and nothing is to be had across it.")
+            found.append(f"The constraint '{text}' is active; the objective does not improve beyond it.")
         else:
-            found.append(f"The constraint '{text}' is active; what lies across it cannot be told.")
+            found.append(f"The constraint '{text}' is active; the objective beyond it is not known.")
     return found
 
 
