@@ -113,9 +113,12 @@ def summary(answers: Sequence[Answer]) -> dict[str, Any]:
             for name, value in minutes[arm].items()
             if np.isfinite(minutes["chosen"].get(name, np.inf))
         ]
+        both_right = [ratio for ratio in ratios if ratio > 0.0]
         figures[f"chosen_to_{arm}"] = {
             "median": float(np.median(ratios)) if ratios else None,
             "n": len(ratios),
+            "median_both_right": float(np.median(both_right)) if both_right else None,
+            "n_both_right": len(both_right),
         }
     return figures
 

@@ -55,6 +55,9 @@ def bars(data: pages.Result) -> Iterator[str]:
         if ratio["n"]:
             what = f"minutes of chosen runs over those of {name}, median"
             rows.append((what, bar, f"**{ratio['median']:.2f}**", f"{ratio['n']} truths"))
+        if 0 < ratio["n_both_right"] < ratio["n"]:
+            both = f"**{ratio['median_both_right']:.2f}**"
+            rows.append(("… where both are right", "", both, f"{ratio['n_both_right']} truths"))
     yield from pages.table("what | to reach | reached | 95 % (Wilson), truths", rows)
 
 

@@ -46,8 +46,10 @@ def test_counts_and_ratios(tmp_path: Path) -> None:
     assert (chosen["n"], chosen["right"], chosen["strictly"], chosen["wrong_kind"]) == (3, 2, 1, 1)
     assert chosen["groups"]["effect"] == [2, 3]
     # the random runs that ended wrong would have needed more than all their minutes
-    assert data["chosen_to_random"] == {"median": pytest.approx(0.25), "n": 2}
-    assert data["chosen_to_rich_whole"] == {"median": pytest.approx((4.0 / 40.0 + 10.0 / 40.0) / 2), "n": 2}
+    to_random, to_rich = data["chosen_to_random"], data["chosen_to_rich_whole"]
+    assert to_random == {"median": 0.25, "n": 2, "median_both_right": 0.5, "n_both_right": 1}
+    assert to_rich["median"] == pytest.approx((4.0 / 40.0 + 10.0 / 40.0) / 2)
+    assert to_rich["n"] == to_rich["n_both_right"] == 2
     assert "not (wrong)" in as_text(data, answers)
     store(answers, {"code": "x"}, tmp_path / "answers.jsonl.gz")
     assert stored(tmp_path / "answers.jsonl.gz") == ({"code": "x"}, answers)
