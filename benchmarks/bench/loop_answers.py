@@ -113,7 +113,7 @@ def summary(answers: Sequence[Answer]) -> dict[str, Any]:
             for name, value in minutes[arm].items()
             if np.isfinite(minutes["chosen"].get(name, np.inf))
         ]
-        both_right = [ratio for ratio in ratios if ratio > 0.0]
+        both_right = [ratio for ratio in ratios if ratio > 0.0]  # 0 where the other arm did not end right
         figures[f"chosen_to_{arm}"] = {
             "median": float(np.median(ratios)) if ratios else None,
             "n": len(ratios),

@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
     from pliant.notebook.compose import Chain, compare, diagnose, improve, solve
     from pliant.notebook.compose import ComposedStudy as Study
-    from pliant.notebook.study import fit, read
-    from pliant.notebook.study import open_study as open
+    from pliant.notebook.session import fit, read
+    from pliant.notebook.session import open_study as open
 
     MjcfModel: Callable[..., Study]
 
 # Public names that differ from the names in their modules.
 _NAMES = {"open": "open_study", "Study": "ComposedStudy"}
-_OF_STUDIES = ("fit", "open", "read")
+_SESSION_NAMES = ("fit", "open", "read")
 # Names of other packages: the function in their manifest, and the package.
-_OF_PACKAGES = {"MjcfModel": ("mjcf_model", "pliant_mjcf")}
+_PACKAGE_NAMES = {"MjcfModel": ("mjcf_model", "pliant_mjcf")}
 
 
 def register_environments() -> None:
@@ -61,11 +61,11 @@ def __getattr__(name: str) -> Any:
     """Import the functions of `__all__` on first access, so that `import pliant` takes no time."""
     if name not in __all__:
         raise AttributeError(f"module 'pliant' has no attribute '{name}'")
-    if name in _OF_PACKAGES:
+    if name in _PACKAGE_NAMES:
         from pliant.registry.function import package_function
 
-        return package_function(*_OF_PACKAGES[name])
-    module = import_module("pliant.notebook.study" if name in _OF_STUDIES else "pliant.notebook.compose")
+        return package_function(*_PACKAGE_NAMES[name])
+    module = import_module("pliant.notebook.session" if name in _SESSION_NAMES else "pliant.notebook.compose")
     return getattr(module, _NAMES.get(name, name))
 
 

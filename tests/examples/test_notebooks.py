@@ -16,7 +16,7 @@ def executed(name: str, monkeypatch: pytest.MonkeyPatch, store: Path) -> tuple[d
     """Return the names and the shown values of a notebook, run in its own folder with the store elsewhere."""
     matplotlib.use("Agg")
     monkeypatch.chdir(NOTEBOOKS)
-    monkeypatch.setattr("pliant.notebook.study.open_study.__kwdefaults__", {"store": store})
+    monkeypatch.setattr("pliant.notebook.session.open_study.__kwdefaults__", {"store": store})
     names: dict[str, Any] = {}
     shown = []
     for cell in json.loads((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]:
